@@ -118,6 +118,22 @@ class Tree:
         """Number of generalised coordinates, base first."""
         return self.offset + len(self.joints) + self.inner
 
+    def elasticity(self, beams: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Stiffness and damping of the modal coordinates with these numbers of beams, shape (s, s) each."""
+        stiffness, damping = np.zeros((2, self.modal, self.modal))
+        at = 0
+        for body in self.bodies:
+            if body.flexible is None:
+                continue
+            own = slice(body.modal, body.modal + body.modes)
+            stiffness[own, own], damping[own, own] = body.flexible.stiffness, body.flexible.damping
+            for number in body.numbers:
+                more = beams[at] - number.value
+                stiffness[own, own] += more * number.change.stiffness
+                damping[own, own] += more * number.change.damping
+                at += 1
+        return stiffness, damping
+
     def index(self, name: str) -> int:
         """Index of the body of that name."""
         return next(index for index, body in enumerate(self.bodies) if body.name == name)

@@ -58,6 +58,11 @@ class EffectAlong:
         self._formulas = formulas(effect, gear_ratio, bearing_arms, directed)
         self._free = [p.name for p in effect.estimated]
 
+    @property
+    def channels(self) -> frozenset[str]:
+        """Those of `JointSignals.CHANNELS` on which the contribution depends."""
+        return self._formulas.channels
+
     def torque(
         self, signals: Array, parameters: Mapping[str, float], *, transition: float | None = None
     ) -> Array:

@@ -33,6 +33,7 @@ class Formulas:
         states, sensitivities: chains of steps, without and with the sensitivities.
         first: (row, constants) to states and sensitivities at the first sample.
         error: (row, next row, constants, states, next states) to the torque's error in one step.
+        channels: those of the signals on which the contribution depends.
     """
 
     def __init__(
@@ -48,10 +49,12 @@ class Formulas:
         )
         torque = effect.torque(signals, symbols, self._z)
         self.torque = Batched(self._row_function(torque))
+        rate = effect.state_rate(signals, symbols, self._z) if effect.states else ca.SX(0, 1)
+        used = ca.which_depends(ca.vertcat(torque, rate), self._row, 1, False)
+        self.channels = frozenset(name for name, uses in zip(JointSignals.CHANNELS, used) if uses)
         by_free = ca.jacobian(torque, self._free)
         if effect.states:
-            rate = self._row_function(effect.state_rate(signals, symbols, self._z))
-            self._compile_steps(rate, torque, by_free)
+            self._compile_steps(self._row_function(rate), torque, by_free)
             self._compile_first(effect.initial_state(signals, symbols))
         elif self._free.shape[0]:
             self.jacobian = Batched(self._row_function(torque, by_free.T))

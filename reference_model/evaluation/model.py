@@ -317,19 +317,8 @@ class RobotModel:
     def elasticity(self, inertial: ArrayLike | None = None) -> tuple[Array, Array]:
         """Stiffness and damping of the modal coordinates, shape (s, s) each."""
         numbers = self.inertial if inertial is None else np.asarray(inertial, dtype=float)
-        stiffness, damping = np.zeros((2, self.tree.modal, self.tree.modal))
-        at = len(self.inertial_names) - 3 - len(self.tree.beam_names)
-        for body in self.tree.bodies:
-            if body.flexible is None:
-                continue
-            own = slice(body.modal, body.modal + body.modes)
-            stiffness[own, own], damping[own, own] = body.flexible.stiffness, body.flexible.damping
-            for number in body.numbers:
-                more = numbers[at] - number.value
-                stiffness[own, own] += more * number.change.stiffness
-                damping[own, own] += more * number.change.damping
-                at += 1
-        return stiffness, damping
+        count = len(self.tree.beam_names)
+        return self.tree.elasticity(numbers[numbers.size - 3 - count : numbers.size - 3])
 
     def reconstruct_base(
         self,

@@ -11,6 +11,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from reference_model.codegen.batched import Batched
 from reference_model.codegen.compiled import EARNS_AFTER, compiled
@@ -32,8 +33,8 @@ Array = NDArray[np.float64]
 #: errs by 1e-5 of a turn per turn.
 PHASE_STEP = 0.3
 
-#: A mode of a link whose base and joints give way is faster than the clamped one by up to about this factor.
-FASTER = 4.0
+#: A mode of a robot that has moved away from its first pose is faster than there by up to about this factor.
+FASTER = 1.5
 
 #: Samples per call of the accumulated step.
 BLOCK = 256
@@ -70,6 +71,7 @@ class PassiveMotion:
         self._rate = ca.Function("rate", inputs, [ca.densify(rate)], {"cse": True})
         self._result = Batched(ca.Function("result", inputs, outputs, {"cse": True}))
         self._marches: dict[tuple[int, bool], ca.Function] = {}
+        self._seen = 0
 
     def along(
         self,
@@ -128,8 +130,10 @@ class PassiveMotion:
         base = list(range(6 * self.free))
         modal = list(range(self.tree.rows - self.modes, self.tree.rows))
         rows = [*base, *modal]
-        acceleration = solve_spd(model.mass_matrix[rows, rows], -model.inverse_dynamics[rows])
+        matrix = model.mass_matrix[rows, rows]
+        acceleration = solve_spd(matrix, -model.inverse_dynamics[rows])
         turning = [quaternion_rate(motion.attitude, twist[3:])] if self.free else []
+        self._mass = ca.Function("mass", [self._state, self._joint[0], self._constants], [matrix])
         return ca.vertcat(*turning, motion.modal_rates, acceleration[6 * self.free :]), twist, acceleration
 
     def _march(self, time: Array, joints: Array, attitude: Array, constants: Array) -> Array:
@@ -140,7 +144,8 @@ class PassiveMotion:
         steps = len(time) - 1
         if steps < 1:
             return start[None]
-        march = self._marching(float(np.diff(time).max()), steps)
+        fastest = self._fastest(start, joints[0], constants)
+        march = self._marching(float(np.diff(time).max()) * fastest, steps)
         blocks = -(-steps // BLOCK)
         padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
         lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays
@@ -155,11 +160,20 @@ class PassiveMotion:
             state = moved[-1]
         return np.vstack(found)[: len(time)]
 
-    def _marching(self, longest: float, steps: int) -> ca.Function:
-        """`BLOCK` intervals, each of at most `longest` [s], as `_interval`."""
-        fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
-        parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
-        often = 4 * parts * steps >= EARNS_AFTER
+    def _fastest(self, state: Array, joints: Array, constants: Array) -> float:
+        """A bound of the natural frequencies [rad/s], from those at a first pose."""
+        matrix = self._mass(state, joints[: self.count], constants).full()
+        count, base = len(self.tree.beam_names), 6 * self.free
+        beams = constants[constants.size - 3 - count : constants.size - 3]
+        stiffness = np.zeros_like(matrix)
+        stiffness[base:, base:] = self.tree.elasticity(beams)[0]
+        return FASTER * float(np.sqrt(max(eigh(stiffness, matrix, eigvals_only=True)[-1], 0.0)))
+
+    def _marching(self, turning: float, steps: int) -> ca.Function:
+        """`BLOCK` intervals, in each of which the fastest mode turns by at most `turning` [rad]."""
+        parts = max(1, int(np.ceil(turning / PHASE_STEP)))
+        self._seen += 4 * parts * steps
+        often = self._seen >= EARNS_AFTER
         if (parts, often) not in self._marches:
             rate = compiled([self._rate]).functions[0] if often else self._rate
             self._marches[parts, often] = self._interval(rate, parts).mapaccum(BLOCK)

@@ -9,6 +9,7 @@ sensors would say of it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -17,22 +18,20 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag, eigh
 
 from reference_model.codegen.batched import BLOCK, Batched
+from reference_model.codegen.compiled import EARNS_AFTER, compiled
 from reference_model.dynamics.balance import momentum
 from reference_model.dynamics.equations import solve_spd
 from reference_model.dynamics.symbolic import Motion, SymbolicRobot
 from reference_model.flexible import FlexibleBody
 from reference_model.kinematics.quintic import between
 from reference_model.kinematics.spatial import quaternion_from_rpy, quaternion_rate, rotation_from_quaternion
-from reference_model.passive.nominal import PHASE_STEP
+from reference_model.passive.nominal import FASTER, PHASE_STEP
 from reference_model.plant.truth import truth_of
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["prescribed"]
 
 Array = NDArray[np.float64]
-
-#: A mode of a robot that has moved away from its first pose is faster than there by up to about this factor.
-FASTER = 1.5
 
 
 def prescribed(
@@ -72,7 +71,12 @@ def prescribed(
             f"robot '{robot.name}': the motion of spherical joint '{robot.spherical_joints[0].name}' does "
             "not follow from that of the other joints."
         )
-    return _Passive(robot).recording(instants, np.hstack(joints))
+    return _passive(robot).recording(instants, np.hstack(joints))
+
+
+@lru_cache(maxsize=4)
+def _passive(robot: Robot) -> _Passive:
+    return _Passive(robot)
 
 
 class _Passive:
@@ -89,8 +93,10 @@ class _Passive:
         self._joint = [ca.SX.sym(name, self.count) for name in ("q", "qd", "qdd")]
         inputs = [self._time, self._state, ca.vertcat(*self._joint)]
         rate, watched = self._equations()
+        self._marches: dict[tuple[int, bool], ca.Function] = {}
+        self._seen = 0
         self._rate = ca.Function("rate", inputs, [ca.densify(rate)], {"cse": True})
-        self._watch = ca.Function("watch", inputs, watched, {"cse": True})
+        self._watch = Batched(ca.Function("watch", inputs, watched, {"cse": True}))
 
     def _motion(self, parts: list[ca.SX], base: ca.SX, inner: ca.SX) -> Motion:
         """The motion in a state, at accelerations of base and modes."""
@@ -138,7 +144,7 @@ class _Passive:
     def recording(self, time: Array, joints: Array) -> Recording:
         """All channels."""
         states = self._march(time, joints)
-        torque, linear, tips, energy, *momenta = Batched(self._watch)(time[:, None], states, joints)
+        torque, linear, tips, energy, *momenta = self._watch(time[:, None], states, joints)
         parts = np.split(states, self.edges[1:-1], axis=1)
         found: dict[str, Array] = {}
         for k, name in enumerate(self.tree.joints):
@@ -189,7 +195,7 @@ class _Passive:
         if steps < 1 or not self.edges[-1]:
             return np.repeat(found[0], len(time), axis=0)
         fastest = self._fastest(joints[0])
-        march = self._interval(float(np.diff(time).max()), fastest).mapaccum(BLOCK)
+        march = self._marching(float(np.diff(time).max()) * fastest, steps)
         padding = -steps % BLOCK
         ends = np.pad(np.hstack([joints[:-1], joints[1:]]), ((0, padding), (0, 0)), mode="edge")
         spans = np.column_stack([time[:-1], np.diff(time)])
@@ -200,20 +206,29 @@ class _Passive:
             found.append(march(found[-1][-1], spans[rows].T, ends[rows].T).full().T)
         return np.vstack(found)[: len(time)]
 
-    def _interval(self, longest: float, fastest: float) -> ca.Function:
+    def _marching(self, turning: float, steps: int) -> ca.Function:
+        """`BLOCK` intervals, in each of which the fastest mode turns by at most `turning` [rad]."""
+        parts = max(1, int(np.ceil(turning / PHASE_STEP)))
+        self._seen += 4 * parts * steps
+        often = self._seen >= EARNS_AFTER
+        if (parts, often) not in self._marches:
+            rate = compiled([self._rate]).functions[0] if often else self._rate
+            self._marches[parts, often] = self._interval(rate, parts).mapaccum(BLOCK)
+        return self._marches[parts, often]
+
+    def _interval(self, rate: ca.Function, parts: int) -> ca.Function:
         """State, [start; length], both ends' joint motion -> state one interval later."""
         state, span = ca.MX.sym("y", self.edges[-1]), ca.MX.sym("t", 2)
         ends = ca.MX.sym("e", 6 * self.count)
-        parts = max(1, int(np.ceil(longest * fastest / PHASE_STEP)))
         joint = between(ends, span[1], self.count)
         h, now = span[1] / parts, state
         for k in range(parts):
             instants = [span[0] + (k + part) * h for part in (0.0, 0.5, 1.0)]
             seen = [ca.vertcat(*joint((k + part) / parts)) for part in (0.0, 0.5, 1.0)]
-            k1 = self._rate(instants[0], now, seen[0])
-            k2 = self._rate(instants[1], now + h / 2 * k1, seen[1])
-            k3 = self._rate(instants[1], now + h / 2 * k2, seen[1])
-            k4 = self._rate(instants[2], now + h * k3, seen[2])
+            k1 = rate(instants[0], now, seen[0])
+            k2 = rate(instants[1], now + h / 2 * k1, seen[1])
+            k3 = rate(instants[1], now + h / 2 * k2, seen[1])
+            k4 = rate(instants[2], now + h * k3, seen[2])
             now = now + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         if self.free:
             now = ca.vertcat(now[:3], now[3:7] / ca.norm_2(now[3:7]), now[7:])
