@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,13 +92,20 @@ def _vibration(truth: Truth, motion: JointMotion) -> Array:
     robot = truth.robot
     if not truth.tree.modal or robot.transmissions or robot.base.kind != truth.nominal.base.kind:
         return np.zeros((*motion.position.shape, 0))
-    bodies = {body.name: body.flexible for body in truth.tree.bodies if body.flexible is not None}
-    model, numbers = RobotModel(robot, bodies=bodies), truth.inertial
+    model, numbers = _bending(truth.nominal), truth.inertial
     attitude = quaternion_from_rpy(robot.base.rpy)
     base = BaseMotion.at_rest(attitude, motion.time.size) if model.free_base else None
     mass = model.mass_matrix(motion.position, base=base, inertial=numbers)  # of undeformed links
     response = Response.of(model.tree, mass, model.elasticity(numbers), 1.0 / motion.rate)
     return response.free_vibration()[0]
+
+
+@lru_cache(maxsize=4)
+def _bending(robot: Robot) -> RobotModel:
+    """The model of a robot with what its effects change on links that bend."""
+    truth = truth_of(robot)
+    bodies = {body.name: body.flexible for body in truth.tree.bodies if body.flexible is not None}
+    return RobotModel(truth.robot, bodies=bodies)
 
 
 def _needed(robot: Robot, truth: Truth, motion: JointMotion) -> tuple[Array, Array | None]:
@@ -180,12 +188,12 @@ class _Acting:
             transition=float(self.motion.sign_speed[k]),
             directed=not effect.states,
         )
-        signals = self._signals(k, of_motor=of_motor)
+        signals = self._signals(k, along.channels, of_motor=of_motor)
         direction = self.motion.motor_direction[:, k] if of_motor else self.motion.direction[:, k]
         return _Effect(along, dict(used.parameters), signals, direction, effect.is_friction_law)
 
-    def _signals(self, k: int, *, of_motor: bool = False) -> Array:
-        """`JointSignals.CHANNELS` of one joint, friction left at zero, shape (N, 11)."""
+    def _signals(self, k: int, channels: frozenset[str], *, of_motor: bool = False) -> Array:
+        """`JointSignals.CHANNELS` of one joint, (N, 11); friction, and loads not in `channels`, are zero."""
         motion = self.motion
         moved = motion.motor if of_motor else (motion.position, motion.velocity, motion.acceleration)
         recorded = motion.torque[:, k]
@@ -196,7 +204,7 @@ class _Acting:
             "friction": np.zeros(motion.time.size),
             "temperature": motion.temperature[:, k],
         }
-        loads = self._bearing(k)
+        loads = self._bearing(k) if channels & set(LOADS) else np.zeros((motion.time.size, len(LOADS)))
         columns |= {what: loads[:, column] for column, what in enumerate(LOADS)}
         return np.column_stack([columns[what] for what in JointSignals.CHANNELS])
 
