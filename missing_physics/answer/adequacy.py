@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from missing_physics.inference import Data, Fit
 from missing_physics.results.comparison import AT_NOISE, LITTLE
-from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["adequacies"]
 
@@ -52,5 +51,5 @@ def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
             left = data.target(block.run)[block.rows] - data.nominal(block.run)[block.rows]
             before += np.sum(left**2, axis=0) / count
     noise = np.mean([run.rows.noise**2 for run in data.runs], axis=0)
-    floor = noise + (MODEL_ERROR * data.torque) ** 2
+    floor = noise + data.error**2
     return np.asarray((after <= AT_NOISE**2 * floor) | (after - floor <= LITTLE * (before - floor)))

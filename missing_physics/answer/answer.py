@@ -1,4 +1,4 @@
-"""The diagnosis of a robot with rigid links and known joint torques, by weighed hypotheses."""
+"""The diagnosis of a robot with known joint torques, by weighed hypotheses."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
 from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
+from missing_physics.standard.bending import model_of
 from missing_physics.standard.rows import common_band, rows_of, without_friction
-from reference_model.effects.catalogue import get_effect
-from reference_model.evaluation.drive_model import drive_model
+from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["answered"]
@@ -67,9 +67,9 @@ def answered(
     progress("locating the mismatch")
     mismatch = located(data, robot, every, rows)
     beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
-    # The standard model is no substitute for a file with other friction laws.
-    changed = bool(answer.findings or answer.changes or (data.given and beyond))
-    file = augmented(data, safe.file, answer.named) if changed else robot
+    file = robot
+    if answer.findings or beyond:  # numbers within the file's tolerance may explain it
+        file = augmented(data, safe.file, answer.named)
     verdict: Verdict = "unexplained"
     if not answer.findings and not beyond:
         verdict = "consistent"
@@ -85,7 +85,7 @@ def answered(
         findings=answer.findings,
         fit=_fit(data, rows, robot),
         unnamed=tuple(unnamed(data, known, answer.fit)),
-        could_not_tell=tuple(_dismissed(found, answer)),
+        could_not_tell=(*_dismissed(found, answer), *_not_searched(data)),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),
         timing=answer.timing,
@@ -106,7 +106,7 @@ def _windows(
     robot: Robot, recordings: Sequence[Recording], band: float
 ) -> list[tuple[tuple[float, float], ...]]:
     """Held-out time intervals of each recording [s]."""
-    model = drive_model(without_friction(robot))
+    model = model_of(without_friction(robot))
     return [held_out_windows(rows_of(model, r, band).time) for r in recordings]
 
 
@@ -127,6 +127,16 @@ def _dismissed(found: Search, answer: Answer) -> list[str]:
         f"Not named: {get_effect(effect).title} at {place} fits, but {why}."
         for (effect, place), why in found.dismissed.items()
         if (effect, place) not in named
+    ]
+
+
+def _not_searched(data: Data) -> list[str]:
+    """What no column along the recorded motion shows, of robots whose links bend."""
+    if not data.bends:
+        return []
+    titles = [effect.title.lower() for effect in catalogue().values() if not effect.along_motion]
+    return [
+        f"Not searched for, since they change how links bend or what the base carries: {', '.join(titles)}."
     ]
 
 

@@ -16,7 +16,6 @@ from missing_physics.inference import Data, Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
-from missing_physics.standard import MODEL_ERROR
 from missing_physics.standard.model import EFFECTS
 from reference_model.effects.base import JointEffect, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
@@ -238,7 +237,7 @@ def _is_felt(data: Data, fit: Fit, name: str) -> bool:
     """Whether the contribution of a standard model parameter exceeds the error of any model."""
     place = fit.layout.names.index(name)
     parts = [np.mean((design[:, :, place] * fit.numbers[place]) ** 2, axis=0) for design in data.designs]
-    return bool(np.any(np.max(parts, axis=0) > (MODEL_ERROR * data.torque) ** 2))
+    return bool(np.any(np.max(parts, axis=0) > data.error**2))
 
 
 def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
@@ -311,15 +310,18 @@ def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
             continue
         if joint in data.joints and kind in EFFECTS and nominal == 0.0:
             continue  # a finding
-        if joint not in data.joints and BODIES in fit.hypothesis.filed:
-            continue
-        if joint in data.joints and not _is_free(fit, name):
-            continue
         value, half = fit.number(name), QUANTILE * fit.deviation(name)
         known = FILE * abs(nominal)
         if joint not in data.joints:  # of the body's scale, as a coordinate of its centre may be 0
             known = data.standard.estimate.width * float(fit.layout.size[place])
         wide = QUANTILE * known
+        is_filed = name in fit.hypothesis.filed or (
+            joint not in data.joints and BODIES in fit.hypothesis.filed
+        )
+        if is_filed and joint not in data.joints:
+            wide = QUANTILE * min(data.standard.estimate.width, FILE) * float(fit.layout.size[place])
+        if is_filed and abs(value - nominal) <= max(wide, half):
+            continue
         yield ParameterChange(
             name,
             _unit_of_number(data, joint, kind),

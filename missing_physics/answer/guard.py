@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from missing_physics.answer.augmented import left_out_of_the_file
 from missing_physics.hypotheses import BODIES, Hypothesis
 from missing_physics.inference import Data, Fit, fitted
-from missing_physics.standard import MODEL_ERROR
 from reference_model.effects.base import BodyEffect
 
 __all__ = ["Guarded", "guarded"]
@@ -79,7 +78,7 @@ def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
 def _worse(data: Data, made: Fit, standard: Fit) -> list[str]:
     """Joints whose held-out error, with the error of any model, is larger than the standard model's."""
     unseen = ~data.seen
-    floor = (MODEL_ERROR * data.torque) ** 2 * data.counts[unseen].sum(axis=0)
+    floor = data.error**2 * data.counts[unseen].sum(axis=0)
     ours, theirs = (fit.errors[unseen].sum(axis=0) + floor for fit in (made, standard))
     return [j for j, a, b in zip(data.joints, ours, theirs) if a > WORSE**2 * b]
 

@@ -12,7 +12,6 @@ from missing_physics.evaluation import evaluate
 from missing_physics.inference import Data
 from missing_physics.results.result import Dependence, Mismatch
 from missing_physics.results.samples import Rows
-from missing_physics.standard import MODEL_ERROR
 from missing_physics.wording.numbers import range_text
 from robot_model import Recording, Robot, unit_of
 
@@ -54,7 +53,7 @@ def located(
     """
     fitted = range(data.fitted)
     left = [residual_of(robot, recordings[i], rows[i]) for i in fitted]
-    floor = np.maximum(np.hypot(rows[0].noise, MODEL_ERROR * data.torque), 1e-300)
+    floor = np.maximum(np.hypot(rows[0].noise, data.error), 1e-300)
     count = np.maximum(sum(own.counted.sum(axis=0) for own in rows[: data.fitted]), 1)
     rms = np.sqrt(sum((r**2).sum(axis=0) for r in left) / count)
     beyond = (rms / floor) ** 2

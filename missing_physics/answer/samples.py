@@ -13,7 +13,6 @@ from missing_physics.evaluation import Band
 from missing_physics.inference import Data
 from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
-from missing_physics.standard import MODEL_ERROR
 from robot_model import Recording, Robot, unit_of
 
 __all__ = ["compared_rows", "punctual", "series_of"]
@@ -25,13 +24,14 @@ def compared_rows(data: Data) -> tuple[Rows, ...]:
     """Samples of every recording, the fitted ones first; joints without fitted samples are not compared."""
     channels = tuple(f"{joint}.torque" for joint in data.joints)
     fitted = data.counts[data.seen].sum(axis=0) > 0.0
-    noise = np.sqrt(np.mean([run.rows.noise**2 for run in data.runs], axis=0))
+    each = [np.hypot(run.rows.noise, run.rows.shaken) for run in data.runs]  # a robot file cannot tell both
+    noise = np.sqrt(np.mean(np.square(each), axis=0))
     found = []
     for i, run in enumerate(data.runs):
         motion = run.motion
         band = Band(motion.cutoff, motion.smoothing, tuple(data.standard.rest))
         counted = run.rows.counted & fitted
-        held_out, error = ~data.rows_seen(i), MODEL_ERROR * data.torque
+        held_out, error = ~data.rows_seen(i), data.error
         found.append(Rows(channels, noise, run.rows.time, held_out, counted, band, error=error))
     return tuple(found)
 

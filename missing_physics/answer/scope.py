@@ -21,13 +21,13 @@ ENCODERS = ("motor_position", "position")
 def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
     """Why hypotheses cannot be weighed and how to correct it, as a clause; empty where they can.
 
-    They require rigid links, an encoder for each joint and some torque; and of the friction laws in the robot
-    file, no two of one kind at one joint, and at joints that transmissions move only viscous and Coulomb
-    friction.
+    They require an encoder for each joint and some torque; links that do not bend where motors move several
+    joints; and of the friction laws in the robot file, no two of one kind at one joint, and at joints that
+    transmissions move only viscous and Coulomb friction.
     """
     if not robot.moving_joints:
         return "no joint moves; give the joint that moved another kind than 'fixed'"
-    if robot.flexible_links:
+    if robot.flexible_links and robot.transmissions:
         link = robot.flexible_links[0]
         key = "beam" if link.beam is not None else "modal"
         return f"link '{link.name}' bends; leave out its '{key}' and give its whole mass and inertia"

@@ -1,4 +1,4 @@
-"""The diagnosis by regression and by runs in closed loop: of links that bend, gears between two encoders."""
+"""The diagnosis by regression and by runs in closed loop: joints without torque, two encoders at a gear."""
 
 from __future__ import annotations
 

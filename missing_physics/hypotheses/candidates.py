@@ -164,10 +164,15 @@ def _beside_motors(effect: Effect) -> bool:
 
 
 def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, str]]) -> Iterator[Candidate]:
-    """At every link; a load sits at its centre of mass, at its far end, or where joints are."""
+    """At every link; a load sits at its centre of mass, far end, or at joints; on a beam at its tip."""
     places = {p.name for p in effect.parameters} >= {"x", "y", "z"}
     for link in robot.links:
-        if (effect.id, link.name) in present or link.mass <= 0.0:
+        if (effect.id, link.name) in present:
+            continue
+        if link.beam is not None and places:
+            fixed = {axis: (float(v), float(v)) for axis, v in zip("xyz", link.beam.nodes[-1])}
+            yield Candidate(Term.of(effect, link.name, {"mass": 0.0}, limits=fixed))
+        if link.mass <= 0.0:
             continue
         centre = np.array(link.center_of_mass)
         points = [centre, 2.0 * centre, *(np.array(j.origin) for j in robot.joints if j.parent == link.name)]

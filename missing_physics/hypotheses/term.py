@@ -75,10 +75,11 @@ class Term:
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """Parameters that are estimated."""
+        """Parameters that are estimated; not those that a recording's extent leaves one value."""
+        held = {name for name, low, high in self.limits if low == high}
         if self.is_given:
             return tuple(p for p in self.effect.estimated if p.name in self.freed)
-        return self.effect.estimated
+        return tuple(p for p in self.effect.estimated if p.name not in held)
 
     def filed(self, name: str) -> float:
         """The robot file's value of a parameter of a term that the file has."""

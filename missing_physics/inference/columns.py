@@ -16,8 +16,9 @@ from missing_physics.inference.runs import Run
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
+from reference_model.evaluation.model import RobotModel
 
-__all__ = ["KeptColumns", "columns_of", "cut"]
+__all__ = ["KeptColumns", "added_to_bodies", "columns_of", "cut"]
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
@@ -97,8 +98,10 @@ class KeptColumns:
                 continue
             acts, values = self.acting(term, run)
             found[:, acts] += values[:, :, 0]
+        more = np.zeros_like(found)
         for k, values in _torques_of_each(fresh, own, run):
-            found[:, k] += values
+            more[:, k] += values
+        found += own.rows.vibration.removed(more)
         return np.where(own.rows.counted, found, 0.0)
 
     def _known(self, term: Term, run: int) -> _Columns | None:
@@ -188,7 +191,18 @@ def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple
         for i, k, own in zip(full, joints, run.reduce_each(joints, list(full.values()))):
             acts = np.array([k] if own.any() else [], dtype=int)
             found[i] = acts, own[:, None, :][:, : acts.size]
-    return [found[i] for i in range(len(terms))]
+    is_body = [isinstance(term.effect, BodyEffect) for term in terms]  # made of columns without vibration
+    return [found[i] if own else _whitened(run, *found[i]) for i, own in enumerate(is_body)]
+
+
+def _whitened(run: Run, acts: Places, values: Array) -> tuple[Places, Array]:
+    """Columns at some joints as the rows are: without the vibration of links, which all joints feel."""
+    vibration = run.rows.vibration
+    if not vibration.taken.size or not acts.size:
+        return acts, values
+    found = np.zeros((len(values), len(run.model.joints), values.shape[2]))
+    found[:, acts] = values
+    return np.arange(found.shape[1]), vibration.removed(found)
 
 
 def _torques_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[int, Array]]:
@@ -261,7 +275,12 @@ def cut(term: Term, run: Run, number: int) -> Array:
     return found
 
 
-def _body(term: Term, effect: BodyEffect, run: Run) -> Array:
+def added_to_bodies(term: Term, effect: BodyEffect, model: RobotModel) -> tuple[Places, Array, Array]:
+    """What a term adds to the inertial parameters of a model.
+
+    Returns:
+        The parameters' places, shape (Q,); what is added, (Q,); and its derivatives, (Q, P).
+    """
     free = [p.name for p in term.free]
     symbols = {name: ca.SX.sym(name) for name in term.parameters}
     terms = effect.terms(symbols)
@@ -275,14 +294,19 @@ def _body(term: Term, effect: BodyEffect, run: Run) -> Array:
     whole = ca.vertcat(*ten)
     vector = ca.vertcat(*(symbols[name] for name in free))
     function = ca.Function("body", [*symbols.values()], [whole, ca.jacobian(whole, vector)])
-    value, jacobian = function(*term.parameters.values())
+    value, jacobian = (np.array(ca.DM(one)) for one in function(*term.parameters.values()))
     names = [*(f"{term.at}.{number}" for number in BODY_NUMBERS), *(f"gravity.{axis}" for axis in "xyz")]
-    known = run.model.inertial_names
-    places = [known.index(name) if name in known else -1 for name in names]
-    used = [i for i, place in enumerate(places) if place >= 0]
-    regressor = run.rows.inertial[:, :, [places[i] for i in used]]
-    both = np.column_stack([np.array(ca.DM(value)).ravel(), np.array(ca.DM(jacobian))])[used]
-    return np.asarray(regressor @ both)
+    known = model.inertial_names
+    if f"{term.at}.tip_mass" in known and terms.place is not None:  # sits at the tip of a link that bends
+        names = [f"{term.at}.tip_mass", *["" for _ in BODY_NUMBERS[1:]], *names[-3:]]
+    places = np.array([known.index(name) if name in known else -1 for name in names])
+    used = places >= 0
+    return places[used], value.ravel()[used], jacobian[used]
+
+
+def _body(term: Term, effect: BodyEffect, run: Run) -> Array:
+    places, added, jacobian = added_to_bodies(term, effect, run.model)
+    return np.asarray(run.rows.inertial[:, :, places] @ np.column_stack([added, jacobian]))
 
 
 def _sensor(term: Term, effect: SensorEffect, run: Run) -> Array:

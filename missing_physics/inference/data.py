@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses import TIMING, Candidate, Term
-from missing_physics.inference.columns import KeptColumns
+from missing_physics.inference.columns import KeptColumns, added_to_bodies
 from missing_physics.inference.runs import Run, about, runs_of
-from missing_physics.standard import StandardModel
+from missing_physics.standard import MODEL_ERROR, StandardModel
 from missing_physics.standard.fit import design_of
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.normal import Normal, Places, acting, total_of
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, is_friction
+from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
@@ -37,6 +38,8 @@ Array = NDArray[np.float64]
 #: Standard deviations of the priors of delays: of all torques due to holds and buses [samples]; of single
 #: joints the same, plus that due to filters in their drives [s], whose cut-offs are some tens of Hz.
 OFFSET, FILTER = 1.0, 5e-3
+#: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
+SAME = 0.05
 #: Lower bound of torque scales [N m or N], which keeps parameter scales finite where a channel is zero.
 SMALLEST = 1e-12
 #: Fold of blocks that are never fitted.
@@ -137,9 +140,40 @@ class Data:
         return replace(self, runs=runs, designs=_designs(runs))
 
     @property
-    def delays(self) -> Array:
-        """Delays of the recorded torques about which the rows are linearised [s], shape (n,)."""
-        return self.runs[0].delays
+    def about_numbers(self) -> Array:
+        """Parameters of the standard model about which the rows are linearised, shape (X,)."""
+        given = self.runs[0].numbers
+        return np.concatenate([given, np.zeros(self.filed.size - given.size)])
+
+    def with_bodies(self, numbers: Array, terms: Sequence[Term]) -> Array:
+        """Parameters of the standard model where bodies include what terms add to them, shape (X,)."""
+        found = numbers.copy()
+        for term in terms:
+            if isinstance(term.effect, BodyEffect):
+                places, added, _ = added_to_bodies(term, term.effect, self.runs[0].model)
+                found[places] += added
+        return found
+
+    def is_near(self, one: Array, other: Array) -> bool:
+        """Whether recordings linearised about the first parameters serve for the second, shape (X,) each.
+
+        Torques are shifted by delays. Links bend as the masses demand: nearly alike where what differs
+        changes the torques by less than the model's own error.
+        """
+        angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
+        if angle >= SAME:
+            return False
+        if not self.bends:
+            return True
+        count = len(self.runs[0].model.inertial_names) - 3
+        apart = [design[:, :, :count] @ (one - other)[:count] for design in self.designs]
+        change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
+        return bool(np.all(change < self.error))
+
+    @property
+    def bends(self) -> bool:
+        """Whether links bend, so that torques are not linear in the bodies."""
+        return self.runs[0].along.inner is not None
 
     def late(self, numbers: Array) -> Array:
         """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
@@ -221,6 +255,11 @@ class Data:
             else:
                 found.append((block.run, block.rows))
         return found
+
+    @cached_property
+    def error(self) -> Array:
+        """Error of the model itself, which no hypothesis explains, rms at each joint, shape (n,)."""
+        return MODEL_ERROR * self.torque
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -304,7 +343,7 @@ def _late(run: Run) -> Array:
     found = np.zeros((len(rate), joints, 1 + joints))
     found[:, :, 0] = rate
     found[:, np.arange(joints), 1 + np.arange(joints)] = rate
-    return found
+    return run.rows.vibration.removed(found)
 
 
 def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_], step: float) -> Layout:

@@ -55,7 +55,7 @@ class Fit:
         layout: of all parameters, the standard model's first, then the terms'.
         hessian: second derivative of the objective by all free parameters.
         cut: rows of each block and joint in which a term cuts the recorded torque, shape (B, n).
-        taken: delays by which torques were shifted in the fit [s], shape (n,).
+        about: parameters of the standard model about which the rows were linearised in the fit, shape (X,).
     """
 
     hypothesis: Hypothesis
@@ -66,7 +66,7 @@ class Fit:
     layout: Layout
     hessian: Array
     cut: Array
-    taken: Array
+    about: Array
 
     def number(self, name: str) -> float:
         """One number of the standard model, or the timing of a joint."""
@@ -181,7 +181,7 @@ def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float) ->
         layout,
         hessian,
         _cut(data, moved.terms),
-        data.delays,
+        data.about_numbers,
     )
 
 

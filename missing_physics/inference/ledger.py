@@ -1,7 +1,7 @@
 """The fits of a search and their scores.
 
-A delay of the torques is linear in the rows only while it is short, so every fit that is pursued is one to
-recordings whose torques are shifted by the delays of that fit.
+A delay of the torques is linear in the rows only while it is short, and the vibration of a link only while
+its masses change little. So every fit that is pursued is one to recordings linearised about its own numbers.
 """
 
 from __future__ import annotations
@@ -33,12 +33,10 @@ EVENT = float(np.log(0.5 * EDGES**2))
 UNNAMED = 4.0
 #: Parameters of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
-#: Most delays for which linearised recordings are cached.
+#: Most linearised recordings that are cached.
 KEPT = 3
-#: Most rounds in which recordings are shifted by the delays of a fit to them.
+#: Most rounds in which recordings are linearised about a fit to them.
 SETTLING = 5
-#: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
-SAME = 0.05
 
 
 @dataclass(frozen=True)
@@ -80,24 +78,22 @@ class Search:
     _others: list[Data] = field(default_factory=list, repr=False)
 
     def about(self, fit: Fit) -> Data:
-        """The recordings with torques shifted by the delays of a fit."""
-        late = self.data.late(fit.numbers)
+        """The recordings with torques shifted by the delays of a fit, and links bent as its masses demand."""
+        numbers = self.data.with_bodies(fit.numbers, fit.hypothesis.terms)
         for data in (self.data, *self._others):
-            if self._is_same(late, data.delays):
+            if data.is_near(numbers, data.about_numbers):
                 return data
-        self._others = [*self._others[1 - KEPT :], self.data.about(fit.numbers)]
+        self._others = [*self._others[1 - KEPT :], self.data.about(numbers)]
         return self._others[-1]
 
     def settled(self, fit: Fit) -> Fit:
-        """Refit about the delays of the fit itself, and remember the result."""
+        """Refit about the numbers of the fit itself, and remember the result."""
         for _ in range(SETTLING):
-            if self._is_same(self.data.late(fit.numbers), fit.taken):
+            numbers = self.data.with_bodies(fit.numbers, fit.hypothesis.terms)
+            if self.data.is_near(numbers, fit.about):
                 break
             fit = fitted(self.about(fit), fit.hypothesis, fit)
         return self.keep(fit)
-
-    def _is_same(self, one: Array, other: Array) -> bool:
-        return bool(2.0 * np.pi * self.data.runs[0].motion.cutoff * np.abs(one - other).max() < SAME)
 
     @property
     def fits(self) -> tuple[Fit, ...]:

@@ -12,16 +12,16 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.standard import StandardModel
 from missing_physics.standard.band import BandMotion, band_motion
+from missing_physics.standard.bending import model_of
 from missing_physics.standard.prediction import (
     ROOM_TEMPERATURE,
     Along,
     force_of,
     inertial_with_effects,
 )
-from missing_physics.standard.rows import FRICTION, Rows, rows_of, without_friction
+from missing_physics.standard.rows import FRICTION, Rows, rows_of, taken_about, without_friction
 from reference_model.effects.base import JointEffect, JointSignals
 from reference_model.effects.catalogue import UsedEffect, used_effects
-from reference_model.evaluation.drive_model import drive_model
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
 
@@ -170,7 +170,7 @@ class Run:
 
 def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
     """The recordings in the band in which the standard model was fitted, linearised about that model."""
-    model = drive_model(without_friction(standard.nominal))
+    model = model_of(without_friction(standard.nominal))
     found, laws = [], tuple(_modified(standard.nominal))
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)
@@ -210,6 +210,8 @@ def _run_about(
     inertial = numbers[:count].copy()
     inertial[-3:] = inertial_with_effects(model)[-3:]
     along = Along.of(model, motion, inertial)
+    if along.inner is not None:
+        rows = taken_about(rows, along)
     viscous, coulomb, offset = numbers[count : count + joints * len(FRICTION)].reshape(joints, -1).T
     friction = -(viscous * motion.velocity + coulomb * motion.direction)
     delays = _delays(numbers[count + joints * len(FRICTION) :], joints)
@@ -219,7 +221,7 @@ def _run_about(
         model=model,
         along=along,
         rows=rows,
-        torque=rows.torque + motion.reduce(change * rows.shares),
+        torque=rows.torque + rows.vibration.removed(motion.reduce(change * rows.shares)),
         acting=np.nan_to_num(_earlier(motion, motion.torque, delays)),
         numbers=numbers,
         friction=friction,

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, residuals
-from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["block_scores", "independent_shares"]
 
@@ -36,7 +35,7 @@ ROUNDS = 12
 
 def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
     """Log score of each block [nats], shape (B,)."""
-    counts, own = data.counts, (MODEL_ERROR * data.torque) ** 2
+    counts, own = data.counts, data.error**2
     square = fit.errors / np.maximum(counts, 1.0) + own
     samples = shares * counts
     total = np.maximum(samples.sum(axis=0), 1e-300)

@@ -17,7 +17,6 @@ from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.fit import Fit, residuals
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.problem import rows_of
-from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["Look", "Screen", "places"]
 
@@ -99,7 +98,7 @@ class Screen:
         thetas = np.einsum("fcd,fd->fc", inverses, np.tensordot(fitted, right.sum(axis=1), 1))
         for g, b, theta in zip(gram, right, thetas):
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
-        own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count
+        own_error = (self.data.error * self.weight) ** 2 * self.count
         good = self.count > 0.0
         before = (self.square + own_error)[good]
         after = np.maximum(before + change[good], 1e-9 * before)

@@ -29,7 +29,6 @@ from missing_physics.inference.ledger import ODDS, Search, Step, filable
 from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Look, Screen, places
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
-from missing_physics.standard import MODEL_ERROR
 from reference_model.effects.base import JointEffect
 
 __all__ = ["search"]
@@ -235,7 +234,7 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
 def _is_felt(data: Data, fit: Fit, old: Fit) -> bool:
     """Whether a fit explains more than the error of any model at some joint in some block."""
     removed = (old.errors - fit.errors) / np.maximum(data.counts, 1.0)
-    return bool(np.any(removed > (MODEL_ERROR * data.torque) ** 2))
+    return bool(np.any(removed > data.error**2))
 
 
 def _always_cut(data: Data, fit: Fit, term: Term) -> str:

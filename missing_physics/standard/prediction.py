@@ -81,12 +81,11 @@ class Along:
             self.model.regressor(*state, base=self.base, inner=self.inner, inertial=self.inertial)
         )
 
-    @property
-    def constant(self) -> Array:
+    def constant(self, regressor: Array) -> Array:
         """Torque where all inertial parameters but gravity are zero, linearly, (N, n): of links that bend."""
         if self.inner is None:
             return np.zeros_like(self.motion.position)
-        return np.asarray(self.needed - self.regressor[:, :, :-3] @ self.inertial[:-3])
+        return np.asarray(self.needed - regressor[:, :, :-3] @ self.inertial[:-3])
 
     @cached_property
     def mass(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ __all__ = [
     "held_scale",
     "is_friction",
     "rows_of",
+    "taken_about",
     "without_friction",
 ]
 
@@ -86,6 +87,7 @@ class Rows:
         shares: weight with which each sample enters the rows, 0 to 1, shape (N, n): see `sliding`.
         noise: rms in the band of the noise of torques and encoders, shape (n,).
         vibration: of links that bend; torque and derivatives by inertial parameters are without it.
+        shaken: rms in the band of the torque of links that encoder noise shakes, shape (n,).
         scale: torque relative to which errors are judged, shape (K, n): the measured one; for an undriven
             joint the root sum of squares of its bodies' contributions, as these cancel each other.
     """
@@ -101,6 +103,7 @@ class Rows:
     noise: Array
     scale: Array
     vibration: Vibration
+    shaken: Array
 
 
 def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
@@ -155,7 +158,8 @@ def rows_of(
     direction = motion.smooth(motion.direction)  # as the torque
     friction = np.stack([motion.velocity, direction, np.ones_like(motion.velocity)], axis=2)
     known = np.isfinite(motion.torque)
-    others, inertial = motion.smooth(torque_of_effects(along)) + along.constant, along.regressor
+    inertial = along.regressor
+    others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
     shares = motion.shares(prismatic(model.robot), np.zeros(len(model.joints)) if rest is None else rest)
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
     scale = torque.copy()
@@ -175,7 +179,7 @@ def rows_of(
         counted = sample.at(time, model.joints) & known.all(axis=0)
     own = np.where(known, motion.smooth_torque, 0.0) - others
     noise = _noise_in_band(along)
-    vibration = _vibration(along, shares, counted, noise)
+    vibration, shaken = _vibration(along, shares, counted, noise)
     return Rows(
         source=recording.source,
         time=time,
@@ -188,14 +192,35 @@ def rows_of(
         noise=noise,
         scale=scale,
         vibration=vibration,
+        shaken=shaken,
     )
 
 
-def _vibration(along: Along, shares: Array, counted: NDArray[np.bool_], noise: Array) -> Vibration:
+def taken_about(rows: Rows, along: Along) -> Rows:
+    """The rows of a robot whose links bend, linearised about the inertial parameters of `along`."""
+    motion, shares, inertial = along.motion, rows.shares, along.regressor
+    others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
+    own = np.where(np.isfinite(motion.torque), motion.smooth_torque, 0.0) - others
+    vibration, shaken = _vibration(along, shares, rows.counted, rows.noise)
+    return replace(
+        rows,
+        torque=vibration.removed(motion.reduce(own * shares)),
+        inertial=vibration.removed(motion.reduce(inertial * shares[:, :, None])),
+        vibration=vibration,
+        shaken=shaken,
+    )
+
+
+def _vibration(
+    along: Along, shares: Array, counted: NDArray[np.bool_], noise: Array
+) -> tuple[Vibration, Array]:
+    """Vibration of the links, and the rms of what encoder noise shakes, shape (n,)."""
     full, spread = along.vibration()
     columns = along.motion.reduce(full * shares[:, :, None])
     floor = np.maximum(noise, NOISELESS * max(float(noise.max()), TINY))
-    return Vibration.of(columns, counted / floor**2, spread)
+    wandering = np.where(np.isfinite(spread), spread, 0.0)  # the start is removed wherever it is compared
+    shaken = np.sqrt(np.mean(((columns * wandering) ** 2).sum(axis=2), axis=0))
+    return Vibration.of(columns, counted / floor**2, spread), shaken
 
 
 def _bodies(model: RobotModel, about: Array | None) -> Array:

@@ -1,0 +1,87 @@
+"""Hypotheses about a space robot with a link that bends, weighed on positions and torques."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from missing_physics.diagnosis import Options, Result, diagnose
+from missing_physics.hypotheses import Term
+from missing_physics.inference import Data
+from missing_physics.inference.columns import added_to_bodies
+from missing_physics.standard import fit_standard
+from reference_model.effects.base import BodyEffect
+from reference_model.effects.catalogue import get_effect
+from reference_model.simulation import simulate
+from robot_model import EffectUse, Recording, Robot, load_robot
+
+LENGTH = 8.0
+#: Hidden friction [N m].
+COULOMB = 8.0
+
+
+@lru_cache
+def space_robot() -> Robot:
+    """A free base, a rigid link, and a beam with a load at its tip; viscous friction at both joints."""
+    uses = (
+        EffectUse(effect="viscous_friction", at=joint, coefficient=20.0) for joint in ("joint1", "joint2")
+    )
+    return load_robot("flexible_space_robot_planar").model_copy(update={"effects": tuple(uses)})
+
+
+@lru_cache
+def recorded(hidden: EffectUse | None, seed: int) -> Recording:
+    """The robot with a hidden effect on two sines a joint, with the noise of its sensors."""
+    robot = space_robot() if hidden is None else space_robot().with_effects(hidden)
+    generator = np.random.default_rng(seed)
+    joints = [
+        {
+            "joint": joint,
+            "kind": "multisine",
+            "amplitudes": generator.uniform(0.02, 0.06, 2).tolist(),
+            "frequencies": generator.uniform(0.1, 0.4, 2).tolist(),
+            "ramp": 2.0,
+        }
+        for joint in ("joint1", "joint2")
+    ]
+    data = robot.model_dump(mode="python")
+    data["reference"] = {"duration": LENGTH, "sample_rate": 100.0, "joints": joints}
+    made = simulate(Robot.model_validate(data), seed=seed)
+    kept = [f"joint{k}.{quantity}" for k in (1, 2) for quantity in ("position", "torque")]
+    return Recording(made.time, {channel: made[channel] for channel in kept}, f"recording {seed}")
+
+
+def diagnosed(hidden: EffectUse | None) -> Result:
+    fitted, held_out = (recorded(hidden, seed) for seed in (1, 2))
+    return diagnose(space_robot(), [fitted], [held_out], options=Options(experiments=False))
+
+
+def test_a_robot_as_its_file_has_it_is_consistent() -> None:
+    result = diagnosed(None)
+    assert result.diagnosis.verdict == "consistent"
+    assert not result.diagnosis.findings
+
+
+def test_friction_at_a_joint_is_named_with_its_level() -> None:
+    found = diagnosed(EffectUse(effect="coulomb_friction", at="joint1", torque=COULOMB)).diagnosis
+    assert [(f.effect, f.location) for f in found.findings] == [("coulomb_friction", "joint1")]
+    # torques of some 20 N m are known to 3 parts in 1000 of their rms
+    assert found.findings[0].parameters["torque"].value == pytest.approx(COULOMB, rel=0.02)
+
+
+def test_a_load_at_the_tip_of_a_beam_adds_to_the_mass_there() -> None:
+    standard = fit_standard(space_robot(), [recorded(None, 1)])
+    data = Data.of(standard, [recorded(None, 1)])
+    effect = get_effect("payload")
+    assert isinstance(effect, BodyEffect)
+    term = Term.of(effect, "link2", {"mass": 3.0, "x": 6.0, "y": 0.0, "z": 0.0})
+    places, added, _ = added_to_bodies(term, effect, data.runs[0].model)
+    names = [data.runs[0].model.inertial_names[place] for place in places]
+    assert added[names.index("link2.tip_mass")] == pytest.approx(3.0)
+    loaded = data.with_bodies(data.start, [term])
+    tip = data.layout.names.index("link2.tip_mass")
+    assert loaded[tip] - data.start[tip] == pytest.approx(3.0)
+    assert not data.is_near(loaded, data.start)
+    assert data.about(loaded).is_near(loaded, data.about(loaded).about_numbers)
