@@ -12,6 +12,7 @@ from missing_physics.results.samples import Rows
 __all__ = [
     "BEYOND_A_FILE",
     "NAMED_BY_STANDARD",
+    "NUMBERS_ARE_OFF",
     "PREDICTED_BETTER",
     "left_over",
     "no_comparison",
@@ -27,6 +28,10 @@ BEYOND_A_FILE = "No standard model: a robot file cannot hold its numbers, so tha
 NAMED_BY_STANDARD = (
     "All that is named is in the standard model, whose numbers predict held-out data better: the robot file "
     "has these."
+)
+NUMBERS_ARE_OFF = (
+    "No effect has to be missing: other masses, inertias or friction than the robot file's predict the "
+    "recordings, and the written file has them. A load or drive that is not in the file may look alike."
 )
 OF_WHOLE = {
     "standard": (

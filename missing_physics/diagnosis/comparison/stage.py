@@ -13,12 +13,13 @@ from missing_physics.diagnosis.comparison.restating import by_runs, restated
 from missing_physics.diagnosis.comparison.sentences import (
     BEYOND_A_FILE,
     NAMED_BY_STANDARD,
+    NUMBERS_ARE_OFF,
     PREDICTED_BETTER,
     left_over,
     no_comparison,
     of_choice,
 )
-from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
+from missing_physics.diagnosis.comparison.verdict import LARGER_PART, Held, Search, decided, energies
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.written import words
 from missing_physics.results.comparison import Compared, Comparison, LogScore
@@ -111,6 +112,9 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     before, after = energies(held)
     file = robot_from_toml(result.augmented_robot_toml)
     named_by_standard = _standard_names(written, file, told.findings)
+    explained = max(result.explained, 1.0 - after / before if before > 0.0 else 0.0)
+    renumbered = not (told.findings or told.unnamed) and explained >= LARGER_PART
+    named_by_standard = named_by_standard or (renumbered and written.startswith("standard"))
     if named_by_standard:  # it says the same, and is no rival
         held = [replace(one, standard=None) for one in held]
     search = Search(
@@ -119,13 +123,16 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
         worse=written in ("standard", "nominal") and not named_by_standard,
         mixed=written != "answer" and not named_by_standard,
         runs_whole=result.runs_whole,
-        explained=max(result.explained, 1.0 - after / before if before > 0.0 else 0.0),
+        renumbered=renumbered,
+        explained=explained,
     )
     verdict = decided(held, told.findings, told.unnamed, search)
     sentences = [words.summary(robot, verdict, told.mismatch, told.findings, told.fit, told.unnamed)]
+    if renumbered and verdict != "unexplained":
+        told = replace(told, comparison=replace(told.comparison, words=NUMBERS_ARE_OFF))
     if verdict == "partly_explained":
         sentences += left_over(told.fit)
-    if told.comparison.written != "answer":
+    if told.comparison.words and (renumbered or told.comparison.written != "answer"):
         sentences.append(told.comparison.words)
     diagnosis = replace(told, verdict=verdict, summary=" ".join(sentences), not_judged=silent)
     return replace(result, diagnosis=diagnosis)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from missing_physics.results.comparison import AT_NOISE, LITTLE
 from missing_physics.results.result import Finding, Unnamed, Verdict
 
-__all__ = ["Held", "Search", "decided", "energies"]
+__all__ = ["LARGER_PART", "Held", "Search", "decided", "energies"]
 
 #: Part that has to be gone before names that cannot be told apart, or have no standard model to be better
 #: than, count for more than a guess: what is named is then the larger part of it.
@@ -38,6 +38,7 @@ class Search:
         worse: whether the answer predicts worse than the standard model or the robot as described.
         mixed: whether the standard model predicts some joints better than what was named there.
         runs_whole: whether runs in closed loop with everything named come down to the noise.
+        renumbered: whether only numbers of the robot file account for what is gone.
         explained: part of the mismatch energy that is gone.
     """
 
@@ -46,6 +47,7 @@ class Search:
     worse: bool = False
     mixed: bool = False
     runs_whole: bool = False
+    renumbered: bool = False
     explained: float = 0.0
 
 
@@ -62,7 +64,7 @@ def decided(
     """
     if search.verdict in ("consistent", "not_enough_data"):
         return search.verdict
-    if not findings or search.doubted or search.worse:
+    if not (findings or search.renumbered) or search.doubted or search.worse:
         return "unexplained"
     whole = search.runs_whole or _at_noise(errors) or (_little(errors) and not unnamed)
     if any(finding.ambiguous_with for finding in findings):
