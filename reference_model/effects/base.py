@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from reference_model.effects.signals import GearSignals, JointSignals, SensorSignals, smooth_sign
 
 __all__ = [
+    "BY_SIMULATION",
     "BodyEffect",
     "BodyTerms",
     "Effect",
@@ -124,6 +125,13 @@ class Extent:
     peak_torque: float = float("inf")
     windows: tuple[tuple[float, float], ...] = ()
     orders: tuple[float, ...] = ()
+
+
+#: How an effect is found that has no regressors along a recorded joint motion.
+BY_SIMULATION = (
+    "simulation, by diagnoses that do not weigh hypotheses: where no torque is recorded, a joint has no "
+    "encoder, or the robot file has gears, sensor errors or effects of structure"
+)
 
 
 class Effect(ABC):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from reference_model.effects.base import Extent, Parameter
+from reference_model.effects.base import BY_SIMULATION, Extent, Parameter
 from reference_model.effects.structure import StructureEffect
 from reference_model.flexible import FlexibleBody, flexible_body
 from robot_model import InputError, Robot
@@ -38,11 +38,7 @@ class ModalDamping(StructureEffect):
         "ring-down from three amplitudes: a material's damping ratio does not depend on the amplitude, dry "
         "friction at a joint takes off an amount that is constant"
     )
-    told_by = (
-        "joint encoders and torques by runs in closed loop, or with strain gauges, tip or base sensors "
-        "beside them in a held-out recording and while all joints move; "
-        "on a robot with links that bend"
-    )
+    told_by = f"{BY_SIMULATION}; on a robot with links that bend"
     essential = ("damping_ratio",)
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from reference_model.effects.base import Extent, Parameter, Values
+from reference_model.effects.base import BY_SIMULATION, Extent, Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
 
 __all__ = ["ReactionWheel"]
@@ -91,11 +91,7 @@ class ReactionWheel(ForceEffect):
     experiment = (
         "turn the base about three axes in turn: the extra rate is across both; change the wheel speed"
     )
-    told_by = (
-        "joint encoders and torques by runs in closed loop, or with strain gauges, tip or base sensors "
-        "beside them in a held-out recording and while all joints move; "
-        "on a free base (without runs, one with links that bend)"
-    )
+    told_by = f"{BY_SIMULATION}; on a free base"
     needs = ("angular_velocity",)
     states = 6
 
