@@ -15,7 +15,7 @@ from missing_physics.standard import fit_standard
 from missing_physics.standard.band import BandMotion, band_motion
 from missing_physics.standard.bending import model_of
 from missing_physics.standard.prediction import Along, inertial_with_effects
-from missing_physics.standard.rows import without_friction
+from missing_physics.standard.rows import rows_of, without_friction
 from reference_model.evaluation.model import RobotModel
 from reference_model.plant.truth import truth_of
 from reference_model.simulation import simulate
@@ -164,3 +164,24 @@ def test_standard_model_of_a_beam_with_another_load_and_stiffness_predicts_at_th
     beam = standard.robot.link("link2").beam
     assert beam is not None
     assert beam.tip.mass == pytest.approx(tip, rel=1e-9)
+
+
+def test_what_encoder_noise_shakes_is_what_the_file_of_the_robot_leaves() -> None:
+    """With encoders that are ten times as noisy, the exact file's residual is mostly what they shake."""
+    level, generator = 2e-5, np.random.default_rng(9)
+    sensors = tuple(
+        one.model_copy(update={"noise": level}) if one.channel.endswith("position") else one
+        for one in space_robot().sensors
+    )
+    robot = space_robot().model_copy(update={"sensors": sensors})
+    noisy = {
+        channel: values + level * channel.endswith("position") * generator.standard_normal(values.size)
+        for channel, values in recorded().channels.items()
+    }
+    recording = Recording(recorded().time, noisy, "noisy")
+    rows = rows_of(model_of(without_friction(robot)), recording, BAND)
+    left = evaluate(robot, recording, Band(BAND, 5.0 * BAND))
+    rms = np.sqrt(np.mean(left.residual[:, :2] ** 2, axis=0))
+    assert np.all(rows.shaken > rows.noise)
+    # One realisation of narrow-band noise over some twenty periods is known to a third.
+    assert np.all((rms > 0.6 * rows.shaken) & (rms < 1.6 * rows.shaken))
