@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
 from missing_physics.evaluation.response import Response
+from reference_model.codegen.kept import kept
 from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong, GearAlong
 from reference_model.effects.base import JointEffect, JointSignals, YieldingGear
@@ -100,7 +100,7 @@ def _vibration(truth: Truth, motion: JointMotion) -> Array:
     return response.free_vibration()[0]
 
 
-@lru_cache(maxsize=4)
+@kept
 def _bending(robot: Robot) -> RobotModel:
     """The model of a robot with what its effects change on links that bend."""
     truth = truth_of(robot)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
+from reference_model.codegen.kept import kept
 from reference_model.evaluation.drive_model import drive_model
 from reference_model.evaluation.model import RobotModel
 from robot_model import Robot
@@ -11,7 +10,7 @@ from robot_model import Robot
 __all__ = ["model_of"]
 
 
-@lru_cache(maxsize=8)
+@kept
 def model_of(robot: Robot) -> RobotModel:
     """The dynamics of a robot along motions of its drives; without numbers of beams if motors are coupled."""
     return drive_model(robot) if robot.transmissions else RobotModel(robot, beams=True)

@@ -6,12 +6,12 @@ What a motor has to give is a row of its own, in which its friction is a functio
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reference_model.codegen.kept import kept
 from reference_model.evaluation.model import RobotModel
 from robot_model import Robot
 
@@ -20,7 +20,7 @@ __all__ = ["DriveModel", "drive_model"]
 Array = NDArray[np.float64]
 
 
-@lru_cache(maxsize=8)
+@kept
 def drive_model(robot: Robot) -> RobotModel:
     """The model of a robot along motions of its drives; that of its joints where each has its own."""
     return DriveModel(robot) if robot.transmissions else RobotModel(robot)

@@ -9,7 +9,6 @@ sensors would say of it.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -19,6 +18,7 @@ from scipy.linalg import block_diag, eigh
 
 from reference_model.codegen.batched import BLOCK, Batched
 from reference_model.codegen.compiled import EARNS_AFTER, compiled
+from reference_model.codegen.kept import kept
 from reference_model.dynamics.balance import momentum
 from reference_model.dynamics.equations import solve_spd
 from reference_model.dynamics.symbolic import Motion, SymbolicRobot
@@ -74,7 +74,7 @@ def prescribed(
     return _passive(robot).recording(instants, np.hstack(joints))
 
 
-@lru_cache(maxsize=4)
+@kept
 def _passive(robot: Robot) -> _Passive:
     return _Passive(robot)
 
