@@ -48,6 +48,9 @@ NO_STANDARD = Held(10.0, None, 4.0, 1.0)
         ([MUCH], (RIVALS,), (), Search("ambiguous", explained=0.9), "ambiguous"),
         ([MUCH], (RIVALS,), (), Search("unexplained", explained=0.3), "unexplained"),
         ([], (NAME,), (), Search("explained", explained=0.9), "partly_explained"),
+        ([AT_NOISE], (), (), Search("unexplained", renumbered=True, explained=1.0), "explained"),
+        ([NO_STANDARD], (), (), Search("unexplained", renumbered=True, explained=0.8), "partly_explained"),
+        ([AT_NOISE], (), (), Search("unexplained", renumbered=True, worse=True), "unexplained"),
     ],
 )
 def test_verdicts(

@@ -92,6 +92,16 @@ def test_other_verdicts_print(verdict: str) -> None:
         assert told in text
 
 
+@pytest.mark.parametrize("verdict", ["explained", "partly_explained"])
+def test_where_nothing_is_named_numbers_of_the_file_are_said_to_be_off(verdict: str) -> None:
+    result = hidden_friction(seconds=4.0)
+    told = replace(result.diagnosis, verdict=verdict, findings=())  # type: ignore[arg-type]
+    text = printed(replace(result, diagnosis=told))
+    assert f"{verdict.replace('_', ' ').upper()}: numbers of the robot file" in text
+    assert "Numbers of the robot file are off" in text
+    assert "named, modelled and proven" not in text
+
+
 def test_lopsided_interval_is_shown_as_it_is() -> None:
     result = hidden_friction(seconds=4.0)
     finding = replace(result.diagnosis.findings[0], parameters={"torque": Estimate(1.0, (0.9, 1.6), "N m")})

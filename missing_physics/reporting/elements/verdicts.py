@@ -54,6 +54,16 @@ MEANING = MappingProxyType(
 MORE_THAN_NAMED = (
     "What is named is modelled and proven on data that were not fitted; a further force has no name."
 )
+#: Where nothing is named.
+BY_NUMBERS = MappingProxyType(
+    {
+        "explained": "Numbers of the robot file are off; with others it predicts what was not fitted.",
+        "partly_explained": (
+            "Numbers of the robot file are off; with others it predicts data that were not fitted better, but "
+            "part of the mismatch remains unexplained."
+        ),
+    }
+)
 #: Heading of `moved_texts`.
 MOVED = "Numbers of the robot file that the recordings contradict"
 NOT_ENOUGH = "The mismatch is real, and the findings do not explain it, or only with the doubts listed below."
@@ -65,6 +75,8 @@ def meaning(diagnosis: Diagnosis) -> str:
         return diagnosis.comparison.words
     if diagnosis.verdict == "unexplained" and diagnosis.findings:
         return NOT_ENOUGH
+    if diagnosis.verdict in BY_NUMBERS and not diagnosis.findings:
+        return BY_NUMBERS[diagnosis.verdict]
     if diagnosis.verdict == "explained" and diagnosis.unnamed:
         return MORE_THAN_NAMED
     return MEANING[diagnosis.verdict]
@@ -77,6 +89,8 @@ def named_text(diagnosis: Diagnosis) -> str:
         return doubted + "; ".join(_places(diagnosis))
     if diagnosis.verdict == "unexplained" and diagnosis.mismatch:
         return f"unnamed, at {joined(dict.fromkeys(m.location for m in diagnosis.mismatch))}"
+    if diagnosis.verdict in BY_NUMBERS:
+        return "numbers of the robot file"
     return "nothing missing" if diagnosis.verdict == "consistent" else ABSENT
 
 
