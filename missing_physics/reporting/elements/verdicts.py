@@ -59,8 +59,8 @@ BY_NUMBERS = MappingProxyType(
     {
         "explained": "Numbers of the robot file are off; with others it predicts what was not fitted.",
         "partly_explained": (
-            "Numbers of the robot file are off; with others it predicts what was not fitted better, but part of "
-            "the mismatch remains unexplained."
+            "Numbers of the robot file are off; with others it predicts what was not fitted better, but part "
+            "of the mismatch remains unexplained."
         ),
     }
 )
