@@ -16,6 +16,7 @@ from missing_physics.hypotheses import TIMING
 from missing_physics.inference import Data, search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
+from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
 from missing_physics.results.samples import Rows
@@ -68,7 +69,8 @@ def answered(
     mismatch = located(data, robot, every, rows)
     beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
     file = robot
-    if answer.findings or beyond:  # numbers within the file's tolerance may explain it
+    credible = all(is_credible_number(c.name, c.estimate, c.nominal, robot) for c in answer.changes)
+    if answer.findings or (beyond and credible):  # other numbers than the file's may explain it
         file = augmented(data, safe.file, answer.named)
     verdict: Verdict = "unexplained"
     if not answer.findings and not beyond:

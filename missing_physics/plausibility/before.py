@@ -9,7 +9,7 @@ import numpy as np
 from missing_physics.plausibility.table import GRAVITY, INERTIAL_CHANGE, credible_range
 from robot_model import Inertial, Robot
 
-__all__ = ["before"]
+__all__ = ["before", "is_credible_number"]
 
 #: Half width of a 95 % interval in standard deviations.
 QUANTILE = 1.96
@@ -37,6 +37,24 @@ def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float
         if place in bodies:
             half = QUANTILE * INERTIAL_CHANGE * (_size(bodies[place], parameter) or math.inf)
     return -half, half
+
+
+def is_credible_number(name: str, estimate: float, nominal: float, robot: Robot) -> bool:
+    """Whether the robot file's number of a body may be off by so much; true for other numbers.
+
+    Args:
+        name: of the number, `LINK.mass`, `LINK.first_moment.x`, `LINK.inertia.xx` or of a beam.
+        estimate, nominal: in its unit.
+        robot: nominal.
+    """
+    body, _, number = name.partition(".")
+    half = math.inf
+    if body == "base" or body in {link.name for link in robot.links}:
+        is_of_ten = number.split(".")[0] in ("mass", "first_moment", "inertia")  # the others are a beam's
+        half = QUANTILE * INERTIAL_CHANGE * abs(nominal)
+        if is_of_ten:
+            half = before("inertia", body, number.replace(".", "_"), robot)[1]
+    return abs(estimate - nominal) <= half
 
 
 def _size(body: Inertial, parameter: str) -> float:

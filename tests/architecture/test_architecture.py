@@ -47,6 +47,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.checks",
         "missing_physics.hypotheses",
         "missing_physics.inference",
+        "missing_physics.plausibility",
         "missing_physics.results",
         "missing_physics.standard",
         "missing_physics.evaluation",

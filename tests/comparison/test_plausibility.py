@@ -7,7 +7,7 @@ import pytest
 
 from missing_physics.diagnosis.comparison.credible import credible, in_the_file
 from missing_physics.evaluation import Band
-from missing_physics.plausibility import NOT_CREDIBLE, TABLE, implausible
+from missing_physics.plausibility import NOT_CREDIBLE, TABLE, implausible, is_credible_number
 from missing_physics.results.result import Diagnosis, Estimate, Finding, Fit, ParameterChange, Result, Rung
 from missing_physics.results.samples import Rows
 from reference_model.effects.catalogue import get_effect
@@ -116,3 +116,21 @@ def test_nothing_is_named_at_a_joint_that_nothing_fitted_moves() -> None:
     assert [finding.effect for finding in found.diagnosis.findings] == ["coulomb_friction", "backlash"]
     assert "sensor_offset" not in {use.effect for use in robot_from_toml(found.augmented_robot_toml).effects}
     assert "no fitted recording moves that joint" in " ".join(found.diagnosis.could_not_tell)
+
+
+@pytest.mark.parametrize(
+    ("name", "nominal", "estimate", "expected"),
+    [
+        ("link1.mass", 30.0, 46.0, True),
+        ("link1.mass", 30.0, 7.5, False),
+        ("link1.inertia.zz", 247.5, 2e-3, False),
+        ("link2.tip_mass", 50.0, 75.0, True),
+        ("link2.stiffness", 1.0, 0.2, False),
+        ("joint1.coulomb", 1.0, 9.0, True),  # friction may be anything
+    ],
+)
+def test_bodies_may_be_off_by_what_drawings_leave_out(
+    name: str, nominal: float, estimate: float, expected: bool
+) -> None:
+    robot = load_robot("flexible_space_robot")
+    assert is_credible_number(name, estimate, nominal, robot) == expected

@@ -22,11 +22,13 @@ from missing_physics.diagnosis.comparison.sentences import (
 from missing_physics.diagnosis.comparison.verdict import LARGER_PART, Held, Search, decided, energies
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.written import words
+from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Compared, Comparison, LogScore
 from missing_physics.results.result import Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels
 from missing_physics.standard import StandardModel, fit_standard
 from missing_physics.standard.model import EFFECTS
+from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from robot_model import EffectUse, InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["compared", "judged"]
@@ -114,6 +116,7 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     named_by_standard = _standard_names(written, file, told.findings)
     explained = max(result.explained, 1.0 - after / before if before > 0.0 else 0.0)
     renumbered = not (told.findings or told.unnamed) and explained >= LARGER_PART
+    renumbered = renumbered and _has_credible_bodies(robot, file)
     named_by_standard = named_by_standard or (renumbered and written.startswith("standard"))
     if named_by_standard:  # it says the same, and is no rival
         held = [replace(one, standard=None) for one in held]
@@ -136,6 +139,12 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
         sentences.append(told.comparison.words)
     diagnosis = replace(told, verdict=verdict, summary=" ".join(sentences), not_judged=silent)
     return replace(result, diagnosis=diagnosis)
+
+
+def _has_credible_bodies(robot: Robot, file: Robot) -> bool:
+    """Whether the bodies of a robot file can be those of the robot as described, whose numbers are off."""
+    numbers = zip(inertial_names(robot), nominal_inertial(file), nominal_inertial(robot), strict=True)
+    return all(is_credible_number(name, mine, given, robot) for name, mine, given in numbers)
 
 
 def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
