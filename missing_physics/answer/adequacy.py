@@ -20,7 +20,7 @@ __all__ = ["adequacies"]
 #: Part of the explanations with a posterior near one that are right, where joints are explained: (30 + 1) of
 #: (32 + 2), of 32 findings in development cases (23 of recordings by a third engine, nine simulated).
 EXPLAINED = 0.91
-#: and elsewhere: 17 of 25 in simulated cases (reports/evidence/yardstick_simulated.md).
+#: and elsewhere: 17 of 25 in simulated cases of an earlier program (yardstick_simulated.md at 9fa7b99).
 ELSEWHERE = 0.68
 
 
