@@ -40,15 +40,17 @@ def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float
 
 
 def is_credible_number(name: str, estimate: float, nominal: float, robot: Robot) -> bool:
-    """Whether the robot file's number of a body may be off by so much; true for other numbers.
+    """Whether the robot file's number of a body or a rotor may be off by so much; true for other numbers.
 
     Args:
-        name: of the number, `LINK.mass`, `LINK.first_moment.x`, `LINK.inertia.xx` or of a beam.
+        name: of the number, `LINK.mass`, `LINK.first_moment.x`, `LINK.inertia.xx`, of a beam or a rotor.
         estimate, nominal: in its unit.
         robot: nominal.
     """
     body, _, number = name.partition(".")
     half = math.inf
+    if number == "reflected_inertia" and nominal > 0.0:  # a file without rotors may lack any
+        half = QUANTILE * INERTIAL_CHANGE * nominal
     if body == "base" or body in {link.name for link in robot.links}:
         is_of_ten = number.split(".")[0] in ("mass", "first_moment", "inertia")  # the others are a beam's
         half = QUANTILE * INERTIAL_CHANGE * abs(nominal)

@@ -126,6 +126,8 @@ def test_nothing_is_named_at_a_joint_that_nothing_fitted_moves() -> None:
         ("link1.inertia.zz", 247.5, 2e-3, False),
         ("link2.tip_mass", 50.0, 75.0, True),
         ("link2.stiffness", 1.0, 0.2, False),
+        ("joint1.reflected_inertia", 1.3, 0.001, False),
+        ("joint1.reflected_inertia", 0.0, 1.3, True),
         ("joint1.coulomb", 1.0, 9.0, True),  # friction may be anything
     ],
 )
