@@ -142,7 +142,7 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
 
 
 def _has_credible_bodies(robot: Robot, file: Robot) -> bool:
-    """Whether the bodies of a robot file can be those of the robot as described, whose numbers are off."""
+    """Whether the bodies of a robot file are credible estimates of those of the nominal robot."""
     numbers = zip(inertial_names(robot), nominal_inertial(file), nominal_inertial(robot), strict=True)
     return all(is_credible_number(name, mine, given, robot) for name, mine, given in numbers)
 
