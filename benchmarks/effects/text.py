@@ -10,8 +10,6 @@ from benchmarks.effects.ranges import GEARS
 from benchmarks.effects.runs import ATTEMPTS, Key, Row
 from benchmarks.evidence import head, number, paragraph, percent, table
 from missing_physics.challenge.scoring.information import IDENTIFIABLE
-from missing_physics.diagnosis.candidates.structural import LOOKED_FOR
-from missing_physics.diagnosis.passive.search import SEARCHED
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue
 
@@ -109,8 +107,8 @@ def _share(hits: int, count: int) -> str:
 
 
 def _weighed(effect: str) -> bool:
-    """Whether a diagnosis looks for it, by regressors along the motion or by a search of its own."""
-    return catalogue()[effect].along_motion or effect in LOOKED_FOR or effect in SEARCHED
+    """Whether a diagnosis looks for it, by regressors along the motion."""
+    return catalogue()[effect].along_motion
 
 
 def _section(effect: str, rows: Sequence[Row]) -> str:

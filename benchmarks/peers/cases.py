@@ -17,8 +17,6 @@ from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from benchmarks.evidence import EXAMPLES, recording_of
-from benchmarks.machines.bam_rule import PUBLISHED as SERVO_PUBLISHED
-from benchmarks.machines.emps_recipe import PUBLISHED as EMPS_PUBLISHED
 from exudyn_model import simulate
 from missing_physics.challenge.torques.along import ArmAlong
 from missing_physics.recordings.datasets import fetch_dataset
@@ -238,11 +236,11 @@ def emps() -> Case:
         held_out=(held,),
         cutoff=50.0,
         rate=1000.0,
-        known={
-            "carriage.mass": EMPS_PUBLISHED["M"],
-            "viscous_friction@joint1.coefficient": EMPS_PUBLISHED["Fv"],
-            "coulomb_friction@joint1.torque": EMPS_PUBLISHED["Fc"],
-            "torque_offset@joint1.torque": -EMPS_PUBLISHED["OF"],
+        known={  # Janot, Gautier, Brunot, "Data set and reference models of EMPS", 2019
+            "carriage.mass": 95.1089,
+            "viscous_friction@joint1.coefficient": 203.5034,
+            "coulomb_friction@joint1.torque": 20.3935,
+            "torque_offset@joint1.torque": 3.1648,
         },
         truth="published",
     )
@@ -256,7 +254,6 @@ def servo() -> Case:
         names = (f"xl330_2026-01-15_{time}.json" for time in times)
         return tuple(recording_of(folder, name, example="servo_pendulum") for name in names)
 
-    published = SERVO_PUBLISHED["M1"]
     return Case(
         title="Servo pendulum, real",
         origin="six logs of gains 100 and 400 are fitted, three of gain 200 held out; nominal robot "
@@ -266,9 +263,9 @@ def servo() -> Case:
         held_out=logs(SERVO_HELD_OUT),
         cutoff=10.0,
         rate=200.0,
-        known={
-            "viscous_friction@joint1.coefficient": published["viscous"],
-            "coulomb_friction@joint1.torque": published["base"],
+        known={  # model M1 of the XL330, bam/params/xl330 of BAM's main branch
+            "viscous_friction@joint1.coefficient": 0.0036616723,
+            "coulomb_friction@joint1.torque": 0.0128327204,
         },
         truth="published",
     )

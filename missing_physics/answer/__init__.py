@@ -1,6 +1,6 @@
 """From weighed hypotheses to a diagnosis: residuals, missing effects, and the augmented robot."""
 
 from missing_physics.answer.answer import answered
-from missing_physics.answer.scope import has_two_encoders, why_not_weighed
+from missing_physics.answer.scope import has_two_encoders, require_weighable
 
-__all__ = ["answered", "has_two_encoders", "why_not_weighed"]
+__all__ = ["answered", "has_two_encoders", "require_weighable"]

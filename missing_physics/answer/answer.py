@@ -133,13 +133,13 @@ def _dismissed(found: Search, answer: Answer) -> list[str]:
 
 
 def _not_searched(data: Data) -> list[str]:
-    """What no column along the recorded motion shows, of robots whose links bend."""
-    if not data.bends:
-        return []
-    titles = [effect.title.lower() for effect in catalogue().values() if not effect.along_motion]
-    return [
-        f"Not searched for, since they change how links bend or what the base carries: {', '.join(titles)}."
+    """Effects that no torque along the recorded motion shows; of rigid robots, those of surroundings only."""
+    titles = [
+        effect.title.lower()
+        for effect in catalogue().values()
+        if not effect.along_motion and (data.bends or effect.place != "link")
     ]
+    return [f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."]
 
 
 def _notes(data: Data, validated: bool) -> list[str]:

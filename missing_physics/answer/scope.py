@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from missing_physics.checks.actuation import actuator_torque
 from missing_physics.standard.rows import is_friction
-from reference_model.effects.base import BodyEffect, JointEffect
+from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
-from robot_model import Recording, Robot
+from robot_model import InputError, Recording, Robot
 
-__all__ = ["has_two_encoders", "why_not_weighed"]
+__all__ = ["has_two_encoders", "require_weighable"]
 
 #: Friction effects of a robot file that are parameters of the standard model.
 NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
@@ -18,13 +17,26 @@ NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
 ENCODERS = ("motor_position", "position")
 
 
-def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
-    """Why hypotheses cannot be weighed and how to correct it, as a clause; empty where they can.
+def require_weighable(robot: Robot, recordings: Sequence[Recording]) -> None:
+    """Raises `InputError` where hypotheses cannot be weighed, and says how to correct it.
 
-    They require an encoder for each joint and some torque; links that do not bend where motors move several
-    joints; and of the friction laws in the robot file, no two of one kind at one joint, and at joints that
-    transmissions move only viscous and Coulomb friction.
+    They require an encoder for each joint; links that do not bend where motors move several joints; no
+    effects of structure or surroundings in the robot file; and of its friction laws, no two of one kind at
+    one joint, and at joints that transmissions move only viscous and Coulomb friction.
     """
+    if reason := _robot_lacks(robot):
+        raise InputError(f"robot '{robot.name}' cannot be diagnosed as it is: {reason}.")
+    for recording in recordings:
+        for joint in robot.drives:
+            if not any(f"{joint.name}.{q}" in recording for q in ENCODERS):
+                raise InputError(
+                    f"{recording.source or 'the recording'} has neither {joint.name}.position nor a channel "
+                    "that determines it; record it, or name its source in a map."
+                )
+
+
+def _robot_lacks(robot: Robot) -> str:
+    """Why hypotheses cannot be weighed about a robot, as a clause; empty where they can."""
     if not robot.moving_joints:
         return "no joint moves; give the joint that moved another kind than 'fixed'"
     if robot.flexible_links and robot.transmissions:
@@ -33,11 +45,7 @@ def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
         return f"link '{link.name}' bends; leave out its '{key}' and give its whole mass and inertia"
     drives, laws = {drive.name for drive in robot.drives}, set[tuple[str, str]]()
     for used in used_effects(robot):
-        clause = _why_not(used) or (_why_no_law(used, drives, laws) if _is_other_law(used) else "")
-        if clause:
-            return clause
-    for recording in recordings:
-        clause = _what_lacks(robot, recording)
+        clause = _why_not(robot, used) or (_why_no_law(used, drives, laws) if _is_other_law(used) else "")
         if clause:
             return clause
     return ""
@@ -51,8 +59,8 @@ def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
     )
 
 
-def _why_not(used: UsedEffect) -> str:
-    if isinstance(used.effect, JointEffect | BodyEffect):
+def _why_not(robot: Robot, used: UsedEffect) -> str:
+    if used.effect.along_motion and not (robot.transmissions and isinstance(used.effect, GearEffect)):
         return ""
     here = f"the robot file has {used.effect.id} at '{used.at}'"
     return f"{here}, which cannot be taken as known; leave it out"
@@ -80,18 +88,4 @@ def _why_no_law(used: UsedEffect, drives: Collection[str], laws: set[tuple[str, 
     if kind in laws:
         return f"the robot file has {kind[1].replace('_', ' ')} twice at '{used.at}'; leave one of them out"
     laws.add(kind)
-    return ""
-
-
-def _what_lacks(robot: Robot, recording: Recording) -> str:
-    name = recording.source or "the recording"
-    joints = [drive.name for drive in robot.drives]
-    for joint in joints:
-        if not any(f"{joint}.{q}" in recording for q in ENCODERS):
-            return (
-                f"{name} has neither {joint}.position nor a channel that determines it; name its source in a "
-                "map"
-            )
-    if all(actuator_torque(robot, recording, joint)[0] is None for joint in joints):
-        return f"{name} has no torque, current or voltage of any motor; name its source in a map"
     return ""

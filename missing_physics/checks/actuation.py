@@ -13,22 +13,27 @@ __all__ = ["TorqueLack", "actuator_torque", "is_passive", "torque_lack"]
 
 #: Channels that belong to an actuator.
 DRIVEN = ("torque", "current", "voltage")
+DRIVE_CHANNELS = tuple(f".{quantity}" for quantity in DRIVEN)
 
 
 def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
     """Whether a joint is undriven, so that the torque of its actuator is known to be zero.
 
-    A joint is undriven if the robot has actuators but this joint has none, and the recording has no channel
-    of one; or if the recorded torque or current is zero throughout. A robot file without any actuator leaves
-    open which joints are driven.
+    A joint is undriven if it has no actuator and the recording has no channel of one; or if the recorded
+    torque or current is zero throughout. A robot file without any actuator leaves open which joints are
+    driven where the recording has channels of some: nothing drives a robot without actuators whose recording
+    has none of them.
     """
     described = any(drive.actuator is not None for drive in robot.drives)
+    free = not described and not any(channel.endswith(DRIVE_CHANNELS) for channel in recording)
     recorded = any(f"{joint}.{quantity}" in recording for quantity in DRIVEN)
     channel = actuator_torque(robot, recording, joint)[0]
     if channel is not None and not channel.endswith(".voltage"):  # a short-circuited motor brakes
         values = recording[channel]
         return bool(np.isfinite(values).any()) and not np.any(values[np.isfinite(values)])
-    return described and _motor(robot, joint) is None and not _is_coupled(robot, joint) and not recorded
+    if recorded or _motor(robot, joint) is not None or _is_coupled(robot, joint):
+        return False
+    return described or free
 
 
 def actuator_torque(robot: Robot, recording: Recording, joint: str) -> tuple[str | None, float]:

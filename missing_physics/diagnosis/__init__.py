@@ -1,10 +1,9 @@
-"""From a robot and recordings to a diagnosis: estimate, locate, name, model, prove, judge."""
+"""From a robot and recordings to a diagnosis: check, weigh hypotheses, compare, judge."""
 
 from missing_physics.diagnosis.coverage import Coverage, coverage, one_way_words, prepared, reason_words
 from missing_physics.diagnosis.coverage.contradictions import ContradictionError, contradictions
-from missing_physics.diagnosis.pipeline import Options, by_weighing, diagnose
-from missing_physics.diagnosis.preparation.setup import make_dynamics, most_samples
-from missing_physics.diagnosis.regression import by_regression
+from missing_physics.diagnosis.dynamics.recorded import make_dynamics, most_samples
+from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.results.result import Diagnosis, Result
 
 __all__ = [
@@ -13,8 +12,6 @@ __all__ = [
     "Diagnosis",
     "Options",
     "Result",
-    "by_regression",
-    "by_weighing",
     "contradictions",
     "coverage",
     "diagnose",

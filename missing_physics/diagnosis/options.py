@@ -13,14 +13,12 @@ class Options:
 
     Attributes:
         cutoff: of the low-pass filter [Hz]; found from the data when None.
-        seed: of everything that involves chance.
+        seed: of all random numbers.
         experiments: whether separating motions are designed.
-        simulation: whether what was found is run and refitted in simulation, where that is possible.
-        as_recorded: whether channels are believed although they contradict each other.
+        as_recorded: whether channels are used although they contradict each other.
     """
 
     cutoff: float | None = None
     seed: int = 0
     experiments: bool = True
-    simulation: bool = True
     as_recorded: bool = False

@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.evaluation.band import Band, low_passed, thinned
+from missing_physics.evaluation.sensors import without_error
 from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.recordings import estimate_noise, sensor_of
 from reference_model.control.laws import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
-from reference_model.effects.catalogue import UsedEffect, used_effects
+from reference_model.effects.catalogue import used_effects
 from reference_model.plant.acting import AMBIENT_TEMPERATURE
 from robot_model import Drive, InputError, Recording, Robot
 
@@ -30,14 +32,9 @@ Array = NDArray[np.float64]
 LONGEST_GAP = 10.0
 #: Fewest samples in such a stretch.
 FEWEST_SAMPLES = 50
-#: Rounds in which a true channel is found from a measured one. The first guess applies the opposite error;
-#: each round then reduces the remaining error by the ratio of sensor error to value.
-ROUNDS = 2
 #: A position whose sensor is late is interpolated between its samples, where a monotone cubic has kinks in
 #: its acceleration; with this many instants per sample the kinks are below the resolution of encoders.
 DENSER = 8
-#: Largest delay of a sensor [s].
-LONGEST_DELAY = 0.5
 #: tanh(v / (1.25 s)) is within 2 % of the mean sign of a velocity that is known with standard deviation s.
 SIGN_UNCERTAINTY = 1.25
 #: Slowest speed whose sign is known, as a part of the largest one.
@@ -161,10 +158,9 @@ class _Reader:
 
     def torque(self, joint: Drive, k: int) -> Array:
         """Torque of a joint's actuator, as it acted, shape (N,)."""
-        channel, factor = self._drive(joint)
+        channel, factor = actuator_torque(self.robot, self.recording, joint.name)
         if channel is None:
-            driven = any(other.actuator is not None for other in self.robot.drives)
-            passive = driven and joint.actuator is None
+            passive = is_passive(self.robot, self.recording, joint.name)
             return np.full(self.time.size, 0.0 if passive else np.nan)
         found = factor * self._true(self._values(channel), channel)
         if channel.endswith(".voltage"):
@@ -221,22 +217,8 @@ class _Reader:
         )
 
     def _drives(self) -> list[str]:
-        found = (self._drive(joint)[0] for joint in self.robot.drives)
+        found = (actuator_torque(self.robot, self.recording, d.name)[0] for d in self.robot.drives)
         return [channel for channel in found if channel is not None]
-
-    def _drive(self, joint: Drive) -> tuple[str | None, float]:
-        """The channel from which the actuator's torque at the joint follows, and the factor between them."""
-        motor, recorded = joint.actuator, self.recording
-        if f"{joint.name}.torque" in recorded:
-            return f"{joint.name}.torque", 1.0
-        if motor is None or motor.torque_constant is None:
-            return None, 0.0
-        per_ampere = motor.gear_ratio * motor.torque_constant
-        if f"{joint.name}.current" in recorded:
-            return f"{joint.name}.current", per_ampere
-        if f"{joint.name}.voltage" in recorded and motor.resistance is not None:
-            return f"{joint.name}.voltage", per_ampere / motor.resistance
-        return None, 0.0
 
     def _clock(self, channels: set[str]) -> Array:
         """Uniform instants over the longest stretch in which none of `channels` is missing for long."""
@@ -279,7 +261,7 @@ class _Reader:
         """A channel corrected for the sensor errors that the robot file lists."""
         found, instants = measured, self.time if time is None else time
         for used in reversed([used for used in self._errors if used.at == channel]):
-            found = _undone(instants, found, used)
+            found = without_error(instants, found, used)
         return found
 
     def _as_held(self, torque: Array, channel: str) -> Array:
@@ -292,21 +274,6 @@ class _Reader:
         late = 0.5 * min(period, own)
         spline = make_interp_spline(self.time, torque, k=3)
         return np.asarray(spline(np.maximum(self.time - late, self.time[0])))
-
-
-def _undone(time: Array, measured: Array, used: UsedEffect) -> Array:
-    """The true channel that a sensor's error turns into the measured one, by successive substitution."""
-    effect = used.effect
-    assert isinstance(effect, SensorEffect)
-    values, step = dict(used.parameters), float(time[1] - time[0])
-    added = min(time.size - 1, int(LONGEST_DELAY / step))
-    margin = step * np.arange(1, added + 1)
-    instants = np.concatenate([time[0] - margin[::-1], time, time[-1] + margin])
-    seen = np.pad(measured, added, mode="reflect", reflect_type="odd")  # keeps value and slope at its ends
-    true = effect.apply(instants, seen, {name: -value for name, value in values.items()})
-    for _ in range(ROUNDS):
-        true = true + seen - effect.apply(instants, true, values)
-    return np.asarray(true[added : added + time.size])
 
 
 def _covered(time: Array, recorded: Array) -> NDArray[np.bool_]:

@@ -344,9 +344,6 @@ class Result:
         stated: the robot by which errors are stated; the file gets its bodies and parameters in the end. None
             where no errors are stated.
         rows: samples of each recording in which robot files are compared; none where they are not.
-        explained: part of the mismatch energy in held-out data that is explained.
-        doubted: whether runs in closed loop refute the named effects.
-        runs_whole: whether runs with all named effects have errors at the noise level.
     """
 
     diagnosis: Diagnosis
@@ -358,9 +355,6 @@ class Result:
     real: bool = True
     stated: Robot | None = None
     rows: tuple[Rows, ...] = ()
-    explained: float = 0.0
-    doubted: bool = False
-    runs_whole: bool = False
 
 
 def narrowed(ci95: tuple[float, float], prior95: tuple[float, float]) -> bool:

@@ -28,7 +28,6 @@ class Rows:
         held_out: samples that were not fitted, shape (K,).
         counted: samples in which a channel is compared, those in which its joint moves, shape (K, m).
         band: frequency band.
-        follows: whether torques follow from the joints' recorded motion alone.
         error: unavoidable rms of any model in each channel, shape (m,); none where it is not known.
     """
 
@@ -38,7 +37,6 @@ class Rows:
     held_out: Mask
     counted: Mask
     band: Band
-    follows: bool = True
     error: Array | None = None
 
     @property

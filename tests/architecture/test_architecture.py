@@ -22,7 +22,12 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics.wording": (),
     "missing_physics.bodies": ("robot_model", "reference_model"),
     # Checks what a fit says of itself, so that it shares nothing with any.
-    "missing_physics.evaluation": ("robot_model", "reference_model", "missing_physics.recordings"),
+    "missing_physics.evaluation": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.recordings",
+        "missing_physics.checks",
+    ),
     # Reads a file in a process of its own.
     "missing_physics.isolation": ("robot_model",),
     "missing_physics.recordings": ("robot_model", "missing_physics.isolation"),
@@ -66,6 +71,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics.results": ("robot_model", "missing_physics.evaluation", "missing_physics.standard"),
     "missing_physics.diagnosis": (
         "missing_physics.answer",
+        "missing_physics.inference",
         "missing_physics.results",
         "missing_physics.plausibility",
         "robot_model",
@@ -128,13 +134,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
 }
 
 #: Rooms of the diagnosis, from recorded data upwards: each may import those before it.
-DIAGNOSIS = (
-    *("modal", "motion", "replay", "statistics", "terms"),
-    *("dynamics", "free_run", "responses", "least_squares"),
-    *("gear", "location", "candidates", "preparation"),
-    *("coverage", "written", "comparison", "naming", "unnamed", "runs"),
-    *("experiments", "gear_runs", "passive", "run_search", "simulation"),
-)
+DIAGNOSIS = ("motion", "statistics", "dynamics", "known", "coverage", "comparison", "gear", "gear_file")
 KNOWS |= {
     f"missing_physics.diagnosis.{room}": (
         *KNOWS["missing_physics.diagnosis"],

@@ -13,13 +13,11 @@ import pytest
 from benchmarks.effects import hard_pairs
 from benchmarks.effects import runs as effect_runs
 from benchmarks.effects import study as effects_study
-from benchmarks.effects import text as effects_text
 from benchmarks.effects.cases import Case, draw_case
 from benchmarks.effects.changes import CHANGES
 from benchmarks.effects.hard_pairs_text import page as pairs_page
 from benchmarks.effects.runs import Key, Row
 from benchmarks.effects.text import page, reason, strangers
-from benchmarks.unseen import hidden_links, remote
 from missing_physics.challenge.cases.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
 from missing_physics.challenge.draws.warming import fading, temperature
 from reference_model.effects.catalogue import catalogue
@@ -51,27 +49,14 @@ def test_seeds_of_pages_are_apart_from_each_other_and_from_the_challenges() -> N
     alone = effects_study.keys(EVERY, effects_study.FIRST_SEED, effects_study.DRAWS)
     pairs = [key for pair in hard_pairs.PAIRS for key in hard_pairs.keys(pair, hard_pairs.FIRST_SEED, 1)]
     numbers = [key.number for key in (*alone, *pairs)]
-    numbers += range(hidden_links.FIRST_SEED, hidden_links.FIRST_SEED + hidden_links.CASES)
-    numbers += range(remote.FIRST_SEED, remote.FIRST_SEED + 2 * remote.DRAWS)
     assert len(set(numbers)) == len(numbers)
     assert min(numbers) >= 30000 > FIRST_SCORING_SEED
     assert not set(numbers) & set(DEVELOPMENT_SEEDS)
 
 
 def test_no_page_uses_a_seed_that_was_looked_at() -> None:
-    """30110 to 30133 were, for the hard pairs; 10110 to 10113 for the links."""
+    """30110 to 30133 were, for the hard pairs."""
     assert hard_pairs.FIRST_SEED >= 30400
-    assert hidden_links.FIRST_SEED >= 30400
-
-
-def test_links_that_bend_come_again_with_their_number() -> None:
-    for number in range(10296, 10300):
-        truth = hidden_links.drawn(number)
-        assert truth == hidden_links.drawn(number)
-        assert hidden_links.PERIODS[0] <= truth.period <= hidden_links.PERIODS[1]
-        assert hidden_links.DAMPINGS[0] <= truth.damping <= hidden_links.DAMPINGS[1]
-        assert {use.at for use in truth.uses} <= {truth.link, "joint1", "joint2"}
-    assert len({hidden_links.drawn(number) for number in range(10296, 10300)}) == 4
 
 
 def test_a_joint_that_warms_loses_friction_in_the_recording() -> None:
@@ -149,12 +134,12 @@ def test_a_case_that_does_not_show_says_why_it_is_not_counted() -> None:
     assert "not counted" not in page([RIGHT], command="x").split("## Effect by effect")[1]
 
 
-def test_every_effect_of_the_catalogue_is_weighed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_effects_that_no_torque_shows_are_said_not_to_be_weighed() -> None:
     unnamed = replace(RIGHT, findings=(), name_right=False, in_set=False, left=())
     for effect in EVERY:
         row = replace(unnamed, key=replace(RIGHT.key, effect=effect))
-        assert reason(row) == "Nothing is named.", effect
-    monkeypatch.setattr(effects_text, "SEARCHED", {})
+        weighed = catalogue()[effect].along_motion
+        assert (reason(row) == "Nothing is named.") is weighed, effect
     slosh = replace(unnamed, key=replace(RIGHT.key, effect="slosh"))
     assert "does not weigh this effect yet" in reason(slosh)
     assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, slosh], command="x")

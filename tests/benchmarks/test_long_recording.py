@@ -30,7 +30,7 @@ def test_the_page_tells_truth_beside_names_and_what_was_not_looked_for() -> None
         ],
         "could_not_tell": [
             "Its bristle damping is not told.",
-            "Not looked for in these recordings: slosh at base (that needs another one).",
+            "Not searched for, since no torque along a motion shows them: slosh.",
         ],
     }
     found = {"wall": 1.0, "processor": 1.0, "megabytes": 60.0, "summary": "said", **said(answer)}
@@ -39,9 +39,9 @@ def test_the_page_tells_truth_beside_names_and_what_was_not_looked_for() -> None
     assert "| `lugre_friction@joint1` | yes | 0.95 |" in text
     assert "| `viscous_friction@joint2` | yes | not named |" in text
     assert "| `load_dependent_friction@joint1` | no | 0.82 |" in text
-    assert "- Not looked for in these recordings: slosh at base" in text
+    assert "- Not searched for, since no torque along a motion shows them: slosh" in text
     assert "- Its bristle damping" not in text
-    assert "Not every effect of the catalogue was looked for" in text
+    assert "Not every effect of the catalogue was searched for" in text
     assert "every effect of the" not in text.replace("Not every effect of the", "")
     found["not_searched"] = []
     assert "Not every effect" not in page(found, hidden, seconds=2.0, samples=2001)

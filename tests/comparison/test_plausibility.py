@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from missing_physics.diagnosis.comparison.credible import credible, in_the_file
-from missing_physics.evaluation import Band
+from missing_physics.diagnosis.comparison.credible import in_the_file
 from missing_physics.plausibility import NOT_CREDIBLE, TABLE, implausible, is_credible_number
-from missing_physics.results.result import Diagnosis, Estimate, Finding, Fit, ParameterChange, Result, Rung
-from missing_physics.results.samples import Rows
+from missing_physics.results.result import ParameterChange
 from reference_model.effects.catalogue import get_effect
-from robot_model import EffectUse, load_robot, robot_from_toml, robot_to_toml
+from robot_model import load_robot
 
 ARM = load_robot("two_link_arm")
 SPACE = load_robot("six_joint_space_arm")
@@ -63,27 +60,6 @@ def test_no_actuator_is_limited_far_below_the_torque_that_was_needed() -> None:
     assert not implausible("torque_saturation", "joint1", {"limit": 1.1}, ARM, needed=1.2)
 
 
-def test_what_cannot_be_is_neither_named_nor_written_and_said_to_be_dismissed() -> None:
-    gain = EffectUse(effect="sensor_gain", at="joint1.position", **{"gain_error": 0.29})
-    dry = EffectUse(effect="coulomb_friction", at="joint1", **{"torque": 3.0})
-    names = [
-        Finding("sensor_gain", "joint1.position", 0.9, {"gain_error": Estimate(0.29, (0.28, 0.3), "-")}),
-        Finding("coulomb_friction", "joint1", 0.9, {"torque": Estimate(3.0, (2.9, 3.1), "N m")}),
-    ]
-    bad = "it is not credible: a limit of 0.0055, while the recorded motion needed a torque of 1.2"
-    rung = Rung("torque_saturation", "joint2", (), 1.0, 1.0, 50.0, False, bad)
-    told = Diagnosis("arm", (), (), "explained", "", (), tuple(names), Fit({}, 0.0))
-    written = robot_to_toml(ARM.with_effects(gain, dry))
-    found = credible(Result(told, (), (rung,), written), ARM)
-    assert [finding.effect for finding in found.diagnosis.findings] == ["coulomb_friction"]
-    uses = robot_from_toml(found.augmented_robot_toml).effects
-    assert dry in uses
-    assert gain not in uses
-    sentences = " ".join(found.diagnosis.could_not_tell)
-    assert "Not named: Sensor gain error at joint1.position fits, but it is not credible" in sentences
-    assert "at joint2 fits, but it is not credible: a limit of 0.0055" in sentences
-
-
 def test_numbers_are_stated_as_the_written_file_has_them() -> None:
     link = ARM.links[-1]
     told = [
@@ -96,26 +72,6 @@ def test_numbers_are_stated_as_the_written_file_has_them() -> None:
     assert mass.ci95 == (0.0, 50.0)
     assert friction == told[2]
     assert in_the_file(told, ARM, standard=True) == ()
-
-
-def test_nothing_is_named_at_a_joint_that_nothing_fitted_moves() -> None:
-    """What lies between two encoders is judged without its torque."""
-    names = [
-        Finding("coulomb_friction", "joint1", 0.9, {"torque": Estimate(3.0, (2.9, 3.1), "N m")}),
-        Finding("sensor_offset", "joint2.position", 0.9, {"offset": Estimate(-0.1, (-0.2, -0.1), "rad")}),
-        Finding("backlash", "joint2", 0.9, {"half_width": Estimate(1e-3, (9e-4, 1.1e-3), "rad")}),
-    ]
-    uses = [EffectUse(effect="coulomb_friction", at="joint1", **{"torque": 3.0})]
-    uses.append(EffectUse(effect="sensor_offset", at="joint2.position", **{"offset": -0.1}))
-    moved = np.column_stack([np.ones(20, dtype=bool), np.arange(20) >= 15])
-    channels = "joint1.torque", "joint2.torque"
-    time, held_out = np.arange(20.0), np.arange(20) >= 15
-    rows = Rows(channels, np.full(2, 0.1), time, held_out, moved, Band(8.0, 40.0))
-    told = Diagnosis("arm", (), (), "explained", "", (), tuple(names), Fit({}, 0.0))
-    found = credible(Result(told, (), (), robot_to_toml(ARM.with_effects(*uses)), rows=(rows,)), ARM)
-    assert [finding.effect for finding in found.diagnosis.findings] == ["coulomb_friction", "backlash"]
-    assert "sensor_offset" not in {use.effect for use in robot_from_toml(found.augmented_robot_toml).effects}
-    assert "no fitted recording moves that joint" in " ".join(found.diagnosis.could_not_tell)
 
 
 @pytest.mark.parametrize(

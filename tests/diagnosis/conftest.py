@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import pytest
 from stated_errors import require_stated_errors
 
-from missing_physics.diagnosis import regression
+from missing_physics.diagnosis import pipeline
 from missing_physics.results.result import Result
 from reference_model.codegen.compiled import SWITCH
 from robot_model import Recording, Robot
@@ -22,13 +22,13 @@ def _compiled(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True, scope="session")
 def _files_have_the_stated_errors() -> Iterator[None]:
     """Every diagnosis that any test finishes: its robot file predicts what is stated of it."""
-    written = regression.with_file
+    compared = pipeline.compared
 
-    def checked(result: Result, robot: Robot, recordings: Sequence[Recording]) -> Result:
-        found = written(result, robot, recordings)
+    def checked(result: Result, robot: Robot, recordings: Sequence[Recording], fitted: int) -> Result:
+        found = compared(result, robot, recordings, fitted)
         require_stated_errors(found, recordings)
         return found
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(regression, "with_file", checked)
+        patch.setattr(pipeline, "compared", checked)
         yield

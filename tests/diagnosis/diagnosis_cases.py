@@ -1,4 +1,4 @@
-"""Recordings made by formula, whose motion and torque are known exactly, and problems made of them."""
+"""Recordings made by formula, whose motion and torque are known exactly."""
 
 from __future__ import annotations
 
@@ -8,11 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from missing_physics.diagnosis.least_squares.explanation import View
-from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.preparation.setup import build_problem, inertial_basis, make_segments
-from missing_physics.diagnosis.terms.term import Term
-from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot, load_robot
 
@@ -89,24 +84,3 @@ def _noisy(robot: Robot, channels: dict[str, Array], chance: np.random.Generator
         sensor = robot.sensor(name)
         result[name] = values + chance.standard_normal(values.size) * (sensor.noise if sensor else 0.0)
     return result
-
-
-def problem_of(robot: Robot, *recordings: Recording, cutoff: float | None = None) -> Problem:
-    """The regression problem that a diagnosis of these recordings would solve."""
-    segments = make_segments(robot, recordings, cutoff=cutoff)
-    return build_problem(segments, inertial_basis(robot, segments))
-
-
-def plain_view(problem: Problem, *, scale: ArrayLike = 1.0) -> View:
-    """Every row, no prior."""
-    n = len(problem.joints)
-    return View(
-        np.broadcast_to(np.asarray(scale, dtype=float), (n,)).copy(),
-        np.ones(problem.time.size, dtype=bool),
-    )
-
-
-def term(effect: str, at: str, **parameters: float) -> Term:
-    """A term with these values; defaults for the rest."""
-    entry = get_effect(effect)
-    return Term(entry, at, {**entry.defaults(), **parameters})

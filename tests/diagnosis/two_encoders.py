@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from missing_physics.diagnosis.dynamics.along import Along
+from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.results.result import ChannelFit, Diagnosis, Errors, Fit, Mismatch, Result
-from robot_model import Robot, load_robot, robot_to_toml
+from robot_model import Recording, Robot, load_robot, robot_to_toml
 
 
 def arm(*effects: dict[str, Any], gravity: bool = True, **changes: Any) -> Robot:
@@ -28,3 +31,8 @@ def half_open(*mismatch: Mismatch, left: float = 2.0, verdict: str = "unexplaine
     fit = Fit({"joint1.torque": ChannelFit("N m", errors, errors, 1.0)}, 0.0)
     told = Diagnosis("arm", ("one",), (), verdict, "", mismatch, (), fit)  # type: ignore[arg-type]
     return Result(told, (), (), robot_to_toml(arm()))
+
+
+def along_each(robot: Robot, recordings: Sequence[Recording]) -> list[Along]:
+    """Motion and dynamics of `robot` along each recording."""
+    return [Along(robot, dynamics) for dynamics in make_dynamics(robot, recordings)]

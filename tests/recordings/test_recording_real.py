@@ -9,7 +9,6 @@ import pytest
 import scipy.io
 from scipy.signal import butter, filtfilt
 
-from benchmarks.machines.servo_pendulum import load_logs
 from missing_physics.recordings import (
     check,
     estimate_resolution,
@@ -150,10 +149,3 @@ def test_servo_torque_off_has_no_voltage(real: Path, examples: Path) -> None:
     off = np.isnan(recording["joint1.voltage"])
     assert off.sum() == 1138
     assert np.all(off[-1138:])
-
-
-def test_the_logs_of_the_servo_s_study_are_read_with_its_own_registers(real: Path) -> None:
-    """Their speed is in a unit of its own, which a check of channels would hold against the position."""
-    logs = load_logs(real / "servo_pendulum")
-    assert len(logs) == len(SERVO_TIMES)
-    assert all("register.velocity" in log.recording for log in logs)

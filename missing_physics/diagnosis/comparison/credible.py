@@ -1,59 +1,19 @@
-"""Names and numbers that no machine has are not stated."""
+"""Numbers of the findings and of the written robot file as a machine can have them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-from missing_physics.diagnosis.written import words
-from missing_physics.diagnosis.written.bodies import NOT_REAL
-from missing_physics.plausibility import NOT_CREDIBLE, before, implausible
-from missing_physics.results.result import Finding, ParameterChange, Result, Rung
-from missing_physics.results.samples import held_joints
+from missing_physics.plausibility import before
+from missing_physics.results.result import Finding, ParameterChange
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
-from reference_model.effects.base import GearEffect
-from reference_model.effects.catalogue import get_effect
-from robot_model import Robot, robot_from_toml, robot_to_toml
+from robot_model import Robot
 
-__all__ = ["credible", "in_the_file", "with_priors"]
+__all__ = ["in_the_file", "with_priors"]
 
 #: Ends of names of numbers that are not negative in any machine.
 NEVER_NEGATIVE = (".mass", ".inertia.xx", ".inertia.yy", ".inertia.zz", ".reflected_inertia")
-
-
-def credible(result: Result, robot: Robot) -> Result:
-    """`result` without names that cannot be, and with a sentence on each explanation dismissed for that.
-
-    Nor are names stated at joints of whose torque no fitted sample counts; what lies between two encoders
-    is judged without it.
-
-    Args:
-        result: a diagnosis with its robot file.
-        robot: as the user described it.
-    """
-    told = result.diagnosis
-    held = held_joints(result.rows)
-    reasons = {(f.effect, f.location): _reason(f, robot) or _at_rest(f, held) for f in told.findings}
-    gone = {key: why for key, why in reasons.items() if why}
-    written = robot_from_toml(result.augmented_robot_toml)
-    if gone:
-        own = {(use.effect, use.at): use for use in robot.effects}
-        kept = tuple(
-            own.get((use.effect, use.at), use)
-            for use in written.effects
-            if (use.effect, use.at) not in gone or (use.effect, use.at) in own
-        )
-        written = written.model_copy(update={"effects": kept})
-        result = replace(result, augmented_robot_toml=robot_to_toml(written))
-    findings = tuple(with_priors(f, robot) for f in told.findings if (f.effect, f.location) not in gone)
-    unreal = any(NOT_REAL in note for note in told.notes)
-    diagnosis = replace(
-        told,
-        findings=findings,
-        nominal_parameters=() if unreal else told.nominal_parameters,
-        could_not_tell=(*told.could_not_tell, *_sentences(gone, result.ladder, findings)),
-    )
-    return replace(result, diagnosis=diagnosis)
 
 
 def in_the_file(
@@ -93,31 +53,3 @@ def with_priors(finding: Finding, robot: Robot) -> Finding:
             for name, estimate in finding.parameters.items()
         },
     )
-
-
-def _reason(finding: Finding, robot: Robot) -> str:
-    values = {name: estimate.value for name, estimate in finding.parameters.items()}
-    if finding.effect == "torque_saturation":  # judged where the torque that was needed is known
-        return ""
-    return implausible(finding.effect, finding.location, values, robot)
-
-
-def _at_rest(finding: Finding, held: Collection[str]) -> str:
-    """Why nothing is named at a joint that is held."""
-    if isinstance(get_effect(finding.effect), GearEffect) or finding.location.split(".")[0] not in held:
-        return ""
-    return "no fitted recording moves that joint; it only yields to the motion of others"
-
-
-def _sentences(
-    gone: dict[tuple[str, str], str], ladder: Sequence[Rung], findings: Sequence[Finding]
-) -> Iterator[str]:
-    """On each explanation that was dismissed, once."""
-    named = {(f.effect, f.location) for f in findings}
-    reasons = dict(gone)
-    for rung in ladder:
-        if not rung.kept and rung.why.startswith(NOT_CREDIBLE):
-            reasons.setdefault((rung.effect, rung.location), rung.why)
-    for (effect, place), why in reasons.items():
-        if (effect, place) not in named:
-            yield f"Not named: {words.title(effect)} at {place} fits, but {why}."

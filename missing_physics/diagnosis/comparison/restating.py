@@ -9,13 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from missing_physics.diagnosis.comparison.predictions import Predictions
-from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.evaluation import Evaluation
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, ChannelSeries, Fit, Result
-from robot_model import Robot
 
-__all__ = ["by_runs", "restated"]
+__all__ = ["restated"]
 
 #: Two improvements are the same but for rounding.
 SAME = 1e-9
@@ -37,28 +35,6 @@ def restated(
     if abs(_improvement(before, fit) - fit.validation_improvement) < SAME:
         found = replace(found, validation_improvement=_improvement(series, found))
     return replace(result, series=series, diagnosis=replace(result.diagnosis, fit=found))
-
-
-def by_runs(result: Result, standard: Robot | None, replay: Replay | None) -> Result:
-    """`result` with the standard model's errors in runs, in channels that are compared by runs."""
-    fit = result.diagnosis.fit
-    compared = {one.channel for one in result.series if one.counted is None}
-    names = [name for name in fit.channels if name in compared and name.endswith(".torque")]
-    if standard is None or replay is None or not names:
-        return result
-    count = len(replay.asked)
-    runs = [replay.errors(standard, which) for which in range(count)]
-    if any(run is None for run in runs):
-        return result
-    unseen = range(replay.fitted, count) if count > replay.fitted else range(count)
-    parts = range(replay.fitted), unseen
-    channels = dict(fit.channels)
-    for name in names:
-        size = channels[name].noise_floor
-        rms = [_rms([size * run[name] for k in part if (run := runs[k])]) for part in parts]
-        channels[name] = replace(channels[name], standard=Errors(*rms))
-    told = replace(result.diagnosis, fit=replace(fit, channels=channels))
-    return replace(result, diagnosis=told)
 
 
 def _channel(
@@ -95,7 +71,3 @@ def _improvement(series: Sequence[ChannelSeries], fit: Fit) -> float:
         for k, model in enumerate((one.nominal, one.augmented)):
             energies[k] += float((((one.measured - model)[rows] / floor) ** 2).sum())
     return 1.0 - float(np.sqrt(energies[1] / energies[0])) if energies[0] > TINY else 0.0
-
-
-def _rms(parts: Sequence[np.ndarray]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0

@@ -54,8 +54,6 @@ def no_comparison(rows: Sequence[Rows]) -> str:
     """Why the standard model is not compared."""
     if not rows:
         return "No standard model: too little can be judged from these recordings."
-    if not rows[0].follows:
-        return "No standard model: the motion of a joint is not recorded but inferred from other channels."
     return "No standard model: the robot file cannot be evaluated along these recordings."
 
 

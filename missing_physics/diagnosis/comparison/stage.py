@@ -9,7 +9,7 @@ from dataclasses import replace
 from missing_physics.diagnosis.comparison.choice import Choice, chosen
 from missing_physics.diagnosis.comparison.credible import in_the_file
 from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
-from missing_physics.diagnosis.comparison.restating import by_runs, restated
+from missing_physics.diagnosis.comparison.restating import restated
 from missing_physics.diagnosis.comparison.sentences import (
     BEYOND_A_FILE,
     NAMED_BY_STANDARD,
@@ -19,9 +19,8 @@ from missing_physics.diagnosis.comparison.sentences import (
     no_comparison,
     of_choice,
 )
+from missing_physics.diagnosis.comparison.summary import summary
 from missing_physics.diagnosis.comparison.verdict import LARGER_PART, Held, Search, decided, energies
-from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.written import words
 from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Compared, Comparison, LogScore
 from missing_physics.results.result import Finding, Fit, Result
@@ -39,9 +38,6 @@ def compared(
     robot: Robot,
     recordings: Sequence[Recording],
     fitted: int,
-    replay: Replay | None,
-    *,
-    beside: bool = False,
 ) -> Result:
     """`result` with the standard model next to it, and the robot file that predicts best.
 
@@ -50,19 +46,18 @@ def compared(
         robot: as the user described it.
         recordings: all of them, those that are fitted first.
         fitted: how many these are.
-        replay: runs in closed loop, where they are possible.
-        beside: whether the answer was held against the standard model joint by joint already, so that names
-            which are all in that model are not refuted by its predicting a little better.
+
+    The answer was compared with the standard model joint by joint already (`missing_physics.answer.guard`),
+    so that names which are all in that model are not refuted by its slightly better predictions.
     """
     rows = result.rows
-    follows = bool(rows and rows[0].follows)
-    fit, why = _standard(robot, recordings[:fitted], rows) if follows else (None, "")
+    fit, why = _standard(robot, recordings[:fitted], rows) if rows else (None, "")
     if fit is not None:
         rows = tuple(replace(own, band=replace(own.band, rest=tuple(fit.rest))) for own in rows)
         result = replace(result, rows=rows)
     standard = None if fit is None else fit.robot
     nominal = answer = None
-    if follows:
+    if rows:
         nominal = predictions(robot, recordings, rows)
         answer = predictions(robot_from_toml(result.augmented_robot_toml), recordings, rows)
     if nominal is None or answer is None:
@@ -72,14 +67,13 @@ def compared(
         why = BEYOND_A_FILE
     noise = dict(zip(rows[0].channels, map(float, rows[0].noise)))
     choice = Choice("answer", answer)
-    if not result.runs_whole and result.diagnosis.verdict != "consistent":
+    if result.diagnosis.verdict != "consistent":
         choice = chosen(
             answer, nominal, made, rows[0].floor, lambda other: predictions(other, recordings, rows)
         )
-    if beside and choice.written.startswith("standard") and _is_standard(result.diagnosis.findings):
+    if choice.written.startswith("standard") and _is_standard(result.diagnosis.findings):
         choice = replace(choice, written="answer", worse=(), whole=False)
     result = restated(result, nominal, choice.predictions, made)
-    result = by_runs(result, standard, replay)
     three = nominal, made, choice.predictions
     named = _standard_names(choice.written, choice.predictions.robot, result.diagnosis.findings)
     said = why or (NAMED_BY_STANDARD if named else of_choice(choice))
@@ -114,7 +108,7 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     before, after = energies(held)
     file = robot_from_toml(result.augmented_robot_toml)
     named_by_standard = _standard_names(written, file, told.findings)
-    explained = max(result.explained, 1.0 - after / before if before > 0.0 else 0.0)
+    explained = 1.0 - after / before if before > 0.0 else 0.0
     renumbered = not (told.findings or told.unnamed) and explained >= LARGER_PART
     renumbered = renumbered and _has_credible_bodies(robot, file)
     named_by_standard = named_by_standard or (renumbered and written.startswith("standard"))
@@ -122,15 +116,13 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
         held = [replace(one, standard=None) for one in held]
     search = Search(
         told.verdict,
-        doubted=result.doubted,
         worse=written in ("standard", "nominal") and not named_by_standard,
         mixed=written != "answer" and not named_by_standard,
-        runs_whole=result.runs_whole,
         renumbered=renumbered,
         explained=explained,
     )
     verdict = decided(held, told.findings, told.unnamed, search)
-    sentences = [words.summary(robot, verdict, told.mismatch, told.findings, told.fit, told.unnamed)]
+    sentences = [summary(robot, verdict, told.mismatch, told.findings, told.fit, told.unnamed)]
     if renumbered and verdict != "unexplained":
         told = replace(told, comparison=replace(told.comparison, words=NUMBERS_ARE_OFF))
     if verdict == "partly_explained":

@@ -34,19 +34,15 @@ class Search:
 
     Attributes:
         verdict: of the search by itself; `consistent` and `not_enough_data` leave nothing to decide.
-        doubted: whether runs in closed loop refute what was named.
         worse: whether the answer predicts worse than the standard model or the robot as described.
         mixed: whether the standard model predicts some joints better than what was named there.
-        runs_whole: whether runs in closed loop with everything named come down to the noise.
         renumbered: whether only numbers of the robot file account for what is gone.
         explained: part of the mismatch energy that is gone.
     """
 
     verdict: Verdict
-    doubted: bool = False
     worse: bool = False
     mixed: bool = False
-    runs_whole: bool = False
     renumbered: bool = False
     explained: float = 0.0
 
@@ -64,9 +60,9 @@ def decided(
     """
     if search.verdict in ("consistent", "not_enough_data"):
         return search.verdict
-    if not (findings or search.renumbered) or search.doubted or search.worse:
+    if not (findings or search.renumbered) or search.worse:
         return "unexplained"
-    whole = search.runs_whole or _at_noise(errors) or (_little(errors) and not unnamed)
+    whole = _at_noise(errors) or (_little(errors) and not unnamed)
     if any(finding.ambiguous_with for finding in findings):
         return "ambiguous" if whole or search.explained >= LARGER_PART else "unexplained"
     if whole and not search.mixed:

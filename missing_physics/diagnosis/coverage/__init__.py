@@ -11,7 +11,6 @@ from missing_physics.diagnosis.coverage.joints import (
     require_same_torques,
 )
 from missing_physics.diagnosis.coverage.prepare import Prepared, prepared
-from missing_physics.diagnosis.coverage.unscored import without_unscored
 
 __all__ = [
     "FEWEST_ROWS",
@@ -24,5 +23,4 @@ __all__ = [
     "prepared",
     "reason_words",
     "require_same_torques",
-    "without_unscored",
 ]

@@ -29,7 +29,7 @@ from missing_physics.diagnosis.coverage.torque_channels import (
     torque_findings,
 )
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.preparation.setup import make_dynamics
+from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.evaluation.band import DENSE
 from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, sentence_of
 from missing_physics.recordings.channels.decimation import decimated
@@ -124,7 +124,7 @@ def contradictions(
 
     motion = dynamics.motion
     thinned, band = recording, cutoff
-    if cutoff is None and not motion.derived and suspicious:
+    if cutoff is None and suspicious:
         band = min(motion.low_pass.cutoff, motion_band(robot, recording))
         thinned = decimated(recording, int(motion.low_pass.rate / (DENSE * WIDER * band)))
 
@@ -135,7 +135,7 @@ def contradictions(
         needs = again(())
         suspicious = [k for k in suspicious if believed(needs, k) > SUSPICIOUS]
 
-    if suspicious and not motion.derived and not _settled(robot, needs, torques):
+    if suspicious and not _settled(robot, needs, torques):
         wrong = _motion(robot, motion.position_channels, again, needs, torques, suspicious)
         if wrong is not None:
             return (wrong,)
@@ -272,12 +272,11 @@ def _and(names: Sequence[str]) -> str:
 
 def _gyro(dynamics: MotionDynamics) -> Iterator[Finding]:
     """Unit and signs of a gyro of three axes, against how the joints' motion turns the base."""
-    count = len(dynamics.model.joints)
     if len(dynamics.further) < 3:
         return
     keep, others = dynamics.motion.low_pass.reduce, dynamics.motion.others
     read = keep(np.column_stack([others[channel] for channel in dynamics.further]))
-    turn = keep(dynamics.outputs[:, count:])
+    turn = keep(dynamics.base_rates)
     read, turn = read - read.mean(axis=0), turn - turn.mean(axis=0)
     native = _gain_left(turn, read, BELIEVED)
     power = (turn**2).sum(axis=0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.motion.sliding import transition_speeds, weights
-from missing_physics.diagnosis.preparation.proof import held_out_rows
+from missing_physics.inference.data import held_out_windows
 from missing_physics.recordings import rests_on_levels
 from robot_model import Recording, Robot, unit_of
 
@@ -76,7 +76,9 @@ def evidence(
     own, others = dynamics[:fitted], dynamics[fitted:]
     moves = [_moves(one, along.motion) for one, along in zip(recordings, dynamics)]
     sure = [_sure(robot, along.motion) & there for along, there in zip(dynamics, moves)]
-    held = [np.zeros(len(rows), dtype=bool) if others else held_out_rows(len(rows)) for rows in sure[:fitted]]
+    held = [np.zeros(len(rows), dtype=bool) for rows in sure[:fitted]]
+    if not others:
+        held = [_held_out(along.motion) for along in own]
     held += [np.ones(len(rows), dtype=bool) for rows in sure[fitted:]]
     levels = [_levels(along) for along in own]
     recorded, needed, noise = (np.sqrt(np.mean(np.square(part), axis=0)) for part in zip(*levels))
@@ -99,6 +101,13 @@ def evidence(
             )
         )
     return tuple(found)
+
+
+def _held_out(motion: Motion) -> Flags:
+    """Which rows of a recording are held out where there are no validation recordings, shape (R,)."""
+    time = motion.reduced_time
+    windows = held_out_windows(time)
+    return np.any([(time >= first) & (time <= last) for first, last in windows], axis=0)
 
 
 def _sure(robot: Robot, motion: Motion) -> Flags:

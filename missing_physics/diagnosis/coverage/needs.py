@@ -66,12 +66,10 @@ class Needs:
         """What `dynamics.motion` needs and what its actuators gave."""
         motion = dynamics.motion
         count, joints = motion.position.shape
-        gravity = np.zeros((count, joints, 3))
-        names = list(dynamics.model.inertial_names)
-        columns = [names.index(f"gravity.{axis}") for axis in "xyz"]
-        if dynamics.model.inertial[columns].any() and not dynamics.model.free_base:
-            gravity = dynamics.regressor[:, :joints, columns]
-        dynamic = dynamics.torque - gravity @ dynamics.about[columns]
+        gravity, acting = np.zeros((count, joints, 3)), np.array(dynamics.model.robot.gravity)
+        if acting.any() and not dynamics.model.free_base:
+            gravity = dynamics.gravity
+        dynamic = dynamics.torque - gravity @ acting
         top = np.maximum(np.abs(motion.velocity).max(axis=0), 1e-12)
         speed = motion.velocity / top
         sign = np.tanh(speed / SLOW)

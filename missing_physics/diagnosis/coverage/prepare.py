@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from missing_physics.diagnosis.coverage.dead import dead_channels, without_dead
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.diagnosis.motion.estimate import Motion
-from missing_physics.diagnosis.preparation.setup import make_dynamics
 from robot_model import Recording, Robot
 
 __all__ = ["Prepared", "prepared"]

@@ -182,7 +182,7 @@ def _cycle(order: float) -> Callable[[Gap], Array]:
 def _within_band(gaps: Sequence[Gap], order: float) -> bool:
     """Whether the filter lets the cycle through at the median speed."""
     typical = float(np.median(np.abs(np.concatenate([g.velocity for g in gaps]))))
-    return order * typical / (2 * np.pi) < gaps[0].segment.motion.low_pass.cutoff
+    return order * typical / (2 * np.pi) < gaps[0].along.motion.low_pass.cutoff
 
 
 def _elastic(gaps: Sequence[Gap], torque: str, unit: str) -> Iterator[Cause]:
@@ -316,7 +316,7 @@ def _lag(travel: float) -> Callable[[Gap], Array]:
 
 def _bending(gaps: Sequence[Gap]) -> Iterator[Cause]:
     """A part in proportion to the joint's acceleration: structure that bends between the two encoders."""
-    child = gaps[0].segment.joints[gaps[0].index].child
+    child = gaps[0].along.joints[gaps[0].index].child
     yield Cause(
         "link_flexibility",
         child,

@@ -98,7 +98,7 @@ def _orders(data: GapData) -> Array:
     moving = speed[speed > STANDSTILL * max(float(speed.max(initial=0.0)), 1e-12)]
     if moving.size == 0:
         return np.zeros(0)
-    cutoff = data.gaps[0].segment.motion.low_pass.cutoff
+    cutoff = data.gaps[0].along.motion.low_pass.cutoff
     most = min(cutoff * _way(data) / float(np.median(moving)), moving.size / 2, MOST_CYCLES)
     return np.arange(FEWEST, most, STEP) * 2 * np.pi / _way(data)
 

@@ -190,7 +190,7 @@ def series_of(before: GapFit, after: GapFit, *, prismatic: bool) -> Iterator[Cha
         own = data.recording == number
         measured = before.residual[own]
         yield ChannelSeries(
-            recording=gap.segment.motion.source,
+            recording=gap.along.motion.source,
             role="train" if data.fitted[own].any() else "validation",
             channel=f"{gap.joint}.position - {gap.joint}.motor_position",
             unit=unit,

@@ -45,9 +45,9 @@ class GapData:
         parts = [gap.reduce(gap.difference) for gap in gaps]
         self.target = np.concatenate(parts)
         self.recording = np.concatenate([np.full(part.size, i) for i, part in enumerate(parts)])
-        self.time = np.concatenate([gap.segment.time for gap in gaps])
-        self.position = np.concatenate([gap.segment.position[:, gap.index] for gap in gaps])
-        self.velocity = np.concatenate([gap.segment.velocity[:, gap.index] for gap in gaps])
+        self.time = np.concatenate([gap.along.time for gap in gaps])
+        self.position = np.concatenate([gap.along.position[:, gap.index] for gap in gaps])
+        self.velocity = np.concatenate([gap.along.velocity[:, gap.index] for gap in gaps])
         self.offsets = np.equal.outer(self.recording, np.arange(len(gaps))).astype(float)
         self.blocks = self._blocks()
         seen = self.recording < trained
@@ -56,7 +56,7 @@ class GapData:
         self._cache: dict[int, tuple[Cause, Array]] = {}
 
     def _blocks(self) -> NDArray[np.int_]:
-        total = sum(float(gap.segment.time[-1] - gap.segment.time[0]) for gap in self.gaps)
+        total = sum(float(gap.along.time[-1] - gap.along.time[0]) for gap in self.gaps)
         length = max(total / BLOCKS, SHORTEST_BLOCK)
         numbers = np.zeros(self.time.size, dtype=int)
         first = 0
@@ -79,7 +79,7 @@ class GapData:
     def turns(self) -> bool:
         """Whether the joint is one that turns."""
         gap = self.gaps[0]
-        return gap.segment.joints[gap.index].kind != "prismatic"
+        return gap.along.joints[gap.index].kind != "prismatic"
 
     @property
     def noise_floor(self) -> float:

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.replay.sensor_errors import steps_left
+from missing_physics.diagnosis.dynamics.along import Along
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
@@ -24,6 +23,9 @@ __all__ = ["Gap", "gap_of", "gaps_of", "shifted", "with_net_torque"]
 
 Array = NDArray[np.float64]
 
+#: With noise above this part of the resolution the first terms of the sawtooth's Fourier series are exact to
+#: 1e-9; below it the noise does not change the mean.
+DITHER, TERMS = 0.1, 10
 #: Length over which the filter's noise gain is measured, in its edges.
 IMPULSE_EDGES = 8
 
@@ -33,7 +35,7 @@ class Gap:
     """One joint in one recording.
 
     Attributes:
-        segment: the recording's motion, torque and dynamics.
+        along: the recording's motion, torque and dynamics.
         index: of the joint among the moving ones.
         joint: its name.
         difference: position - motor position as recorded, shape (N,) [rad or m].
@@ -45,7 +47,7 @@ class Gap:
             N s/m].
     """
 
-    segment: Segment
+    along: Along
     index: int
     joint: str
     difference: Array
@@ -57,104 +59,120 @@ class Gap:
     @property
     def time(self) -> Array:
         """[s], shape (N,)."""
-        return self.segment.motion.time
+        return self.along.motion.time
 
     @cached_property
     def position(self) -> Array:
         """Smoothed motor position at the joint side, shape (N,)."""
-        return self.segment.motion.position[:, self.index]
+        return self.along.motion.position[:, self.index]
 
     @property
     def velocity(self) -> Array:
         """Its rate, shape (N,)."""
-        return self.segment.motion.velocity[:, self.index]
+        return self.along.motion.velocity[:, self.index]
 
     @property
     def acceleration(self) -> Array:
         """Its second rate, shape (N,)."""
-        return self.segment.motion.acceleration[:, self.index]
+        return self.along.motion.acceleration[:, self.index]
 
     @property
     def gear_ratio(self) -> float:
         """Motor turns per joint turn."""
-        return self.segment.places[self.index].gear_ratio
+        actuator = self.along.joints[self.index].actuator
+        return actuator.gear_ratio if actuator else 1.0
 
     @property
     def transition(self) -> float:
         """Speed below which the sign of the velocity is not known."""
-        return self.segment.places[self.index].transition
+        return float(self.along.transition[self.index])
 
     def smooth(self, values: Array) -> Array:
         """Filtered at the full rate."""
-        return self.segment.motion.low_pass.smooth(values)
+        return self.along.motion.low_pass.smooth(values)
 
     def reduce(self, values: Array) -> Array:
         """Filtered and decimated along the first axis."""
-        return self.segment.motion.low_pass.reduce(values)
+        return self.along.motion.low_pass.reduce(values)
 
 
-def gaps_of(segments: Sequence[Segment], recordings: Sequence[Recording]) -> dict[str, tuple[Gap, ...]]:
+def gaps_of(along: Sequence[Along], recordings: Sequence[Recording]) -> dict[str, tuple[Gap, ...]]:
     """The gap of every joint that has both encoders in all of the recordings, by joint."""
     found: dict[str, tuple[Gap, ...]] = {}
-    for index, joint in enumerate(segments[0].joints):
-        gaps = [gap_of(segment, recording, index) for segment, recording in zip(segments, recordings)]
+    for index, joint in enumerate(along[0].joints):
+        gaps = [gap_of(one, recording, index) for one, recording in zip(along, recordings)]
         present = tuple(gap for gap in gaps if gap is not None)
-        if present and len(present) == len(segments):
+        if present and len(present) == len(along):
             found[joint.name] = present
     return found
 
 
-def gap_of(segment: Segment, recording: Recording, index: int) -> Gap | None:
+def gap_of(along: Along, recording: Recording, index: int) -> Gap | None:
     """The gap of one joint; None without both encoders."""
-    joint = segment.joints[index].name
+    joint = along.joints[index].name
     channels = f"{joint}.position", f"{joint}.motor_position"
-    motion = segment.motion
+    motion = along.motion
     if channels[0] not in motion.others or channels[1] not in recording:
         return None
     noise = {**estimate_noise(recording), **recording.noise}
     own = np.hypot(noise.get(channels[0], 0.0), recording.resolution.get(channels[0], 0.0) / np.sqrt(12.0))
     rounding = float(np.spacing(np.abs(motion.raw_position[:, index]).max(initial=1.0)))
     white = max(float(np.hypot(own, motion.position_noise[index])), rounding)
-    steps = [_steps(segment, recording, name) for name in channels]
+    steps = [_steps(along, recording, name) for name in channels]
     return Gap(
-        segment=segment,
+        along=along,
         index=index,
         joint=joint,
         difference=motion.others[channels[0]] - motion.raw_position[:, index],
-        noise_floor=white * _noise_gain(segment),
-        torques=_torques(segment, index),
+        noise_floor=white * _noise_gain(along),
+        torques=_torques(along, index),
         steps=float(np.linalg.norm(steps)),
     )
 
 
-def _steps(segment: Segment, recording: Recording, channel: str) -> float:
+def _steps(along: Along, recording: Recording, channel: str) -> float:
     """What an encoder's steps leave in its mean."""
-    sensor = sensor_of(segment.robot, recording, channel)
+    sensor = sensor_of(along.robot, recording, channel)
     if sensor is not None:
-        return steps_left(sensor.noise, sensor.resolution)
-    return steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
+        return _steps_left(sensor.noise, sensor.resolution)
+    return _steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
 
 
-def _noise_gain(segment: Segment) -> float:
+def _steps_left(noise: float, resolution: float) -> float:
+    """rms by which a sensor's mean reading differs from the true value, over all true values.
+
+    The error of rounding is a sawtooth; Gaussian noise multiplies its k-th harmonic by
+    exp(-2 (pi k noise / resolution)^2) (Widrow and Kollar, Quantization Noise (2008), ch. 4).
+    """
+    if resolution <= 0:
+        return 0.0
+    if noise < DITHER * resolution:
+        return float(resolution / np.sqrt(12.0))
+    k = np.arange(1, TERMS + 1)
+    parts = np.exp(-2 * (np.pi * k * noise / resolution) ** 2) / (np.pi * k)
+    return float(resolution * np.sqrt(0.5 * np.sum(parts**2)))
+
+
+def _noise_gain(along: Along) -> float:
     """rms of filtered over rms of white noise."""
-    low_pass = segment.motion.low_pass
+    low_pass = along.motion.low_pass
     impulse = np.zeros(2 * IMPULSE_EDGES * max(low_pass.edge, 1) + 1)
     impulse[impulse.size // 2] = 1.0
     return float(np.linalg.norm(low_pass.smooth(impulse)))
 
 
-def _torques(segment: Segment, index: int) -> dict[str, Array]:
+def _torques(along: Along, index: int) -> dict[str, Array]:
     """Torque through the gear, from each side.
 
     `link`: what the links need by inverse dynamics. It misses friction behind the gear and whatever the
     model of the links misses. `motor`: measured torque less what accelerates the rotor. It misses friction
     in front of the gear.
     """
-    motion = segment.motion
-    actuator = segment.joints[index].actuator
+    motion = along.motion
+    actuator = along.joints[index].actuator
     rotor = actuator.rotor_inertia * actuator.gear_ratio**2 if actuator else 0.0
     accelerating = rotor * motion.acceleration[:, index]
-    torques = {"link": segment.dynamics.torque[:, index] - accelerating}
+    torques = {"link": along.dynamics.torque[:, index] - accelerating}
     if np.isfinite(motion.torque[:, index]).all():
         torques["motor"] = motion.torque[:, index] - accelerating
     return torques
@@ -175,7 +193,7 @@ def with_net_torque(gaps: Sequence[Gap], trained: int) -> tuple[Gap, ...]:
     law = (np.linalg.lstsq(columns / scale, excess, rcond=1e-8)[0] / scale)[:2]
     return tuple(
         Gap(
-            gap.segment,
+            gap.along,
             gap.index,
             gap.joint,
             gap.difference,

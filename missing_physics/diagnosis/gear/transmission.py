@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
+from missing_physics.diagnosis.dynamics.along import Along
 from missing_physics.diagnosis.gear.causes import SEEN_CYCLE, Cause, causes_of
 from missing_physics.diagnosis.gear.findings import channel_fit, findings_of_gap, rungs_of, series_of
 from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
@@ -21,7 +22,6 @@ from missing_physics.diagnosis.gear.gap import Gap, gaps_of, with_net_torque
 from missing_physics.diagnosis.gear.refinement import with_exact_hysteresis
 from missing_physics.diagnosis.gear.search import GapSearch, plausible_shapes, search_gap
 from missing_physics.diagnosis.gear.unseen import contradicted, of_all_recordings
-from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.results.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
 from missing_physics.wording.numbers import range_text
@@ -78,7 +78,6 @@ class JointWork:
         fits: what is told, and the same in other shapes that are not excluded.
         whole: see `gear/unseen.py`.
         prismatic: whether the joint slides.
-        by_runs: findings as runs in closed loop leave them, None before these; see `gear_runs/rivals.py`.
         remarks: on what became of names there.
     """
 
@@ -88,7 +87,6 @@ class JointWork:
     fits: tuple[GapFit, ...]
     whole: GapData | None
     prismatic: bool
-    by_runs: tuple[Finding, ...] | None = None
     remarks: tuple[str, ...] = ()
 
     @property
@@ -102,8 +100,6 @@ class JointWork:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """What is named; not a delay that friction behind the gear may make."""
-        if self.by_runs is not None:
-            return self.by_runs
         found = findings_of_gap(self.data, self.fits, self.causes, self.whole)
         return tuple(f for f in found if f.effect != "sensor_delay" or not self._by_friction(f))
 
@@ -122,7 +118,7 @@ def diagnose_transmission(
     recordings: Sequence[Recording],
     validation: Sequence[Recording] = (),
     *,
-    segments: Sequence[Segment],
+    along: Sequence[Along],
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> TransmissionResult | None:
@@ -132,7 +128,7 @@ def diagnose_transmission(
         robot: the nominal robot.
         recordings: what is fitted.
         validation: what is only scored; when empty, one stretch in four of each recording is held out.
-        segments: of `make_segments`, one for each recording, then one for each of `validation`.
+        along: motion and dynamics of each recording, then of each of `validation`.
         seed: of the bootstrap.
         progress: called with a phrase whenever a joint is begun.
 
@@ -141,7 +137,7 @@ def diagnose_transmission(
     """
     tell = progress or (lambda phrase: None)
     everything = [*recordings, *validation]
-    joints = gaps_of(segments, everything)
+    joints = gaps_of(along, everything)
     known = [name for name in joints if name in listed_gears(robot)]
     if not joints:
         return None

@@ -272,7 +272,7 @@ def test_the_diagnosis_ends_there_unless_asked_to_continue() -> None:
     ) as error:
         diagnose(robot, [recording])
     assert str(error.value).count("\n") == 0
-    options = Options(experiments=False, simulation=False, as_recorded=True)
+    options = Options(experiments=False, as_recorded=True)
     assert diagnose(robot, [recording], options=options).diagnosis.verdict != "consistent"
 
 

@@ -4,24 +4,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded, term
+from diagnosis_cases import ARM, bare, recorded
 
-from missing_physics.diagnosis.candidates.mounts import LIMITS, mount_of
 from missing_physics.diagnosis.coverage.needs import Needs
-from missing_physics.diagnosis.experiments import design as experiments
-from missing_physics.diagnosis.experiments.design import design_experiments
-from missing_physics.diagnosis.least_squares.explanation import explain
-from missing_physics.diagnosis.least_squares.scanning import Scan
-from missing_physics.diagnosis.preparation.setup import inertial_basis, make_dynamics, make_segments
+from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.recordings.inspection.units import position_per_velocity
-from robot_model import Recording
 
 ROBOT = bare("two_link_arm", noise=True)
 
@@ -32,45 +23,6 @@ def warnings_are_errors() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
-
-
-def undriven(made: Recording) -> Recording:
-    return made.with_channels({name: np.zeros(len(made)) for name in made if "torque" in name})
-
-
-def test_without_any_torque_inertia_is_judged_by_what_the_motion_needs() -> None:
-    made = recorded(ROBOT, ARM, seed=1)
-    driven, free = (inertial_basis(ROBOT, make_segments(ROBOT, [r])) for r in (made, undriven(made)))
-    np.testing.assert_allclose(free.directions, driven.directions, rtol=1e-6, atol=1e-9)
-    still = undriven(made).with_channels({n: np.zeros(len(made)) for n in made if "position" in n})
-    floating = ROBOT.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
-    assert inertial_basis(floating, make_segments(floating, [still])).directions.shape[1] == 0
-
-
-def test_columns_of_nothing_promise_nothing() -> None:
-    problem = problem_of(ROBOT, recorded(ROBOT, ARM, seed=1))
-    scan = Scan(explain(problem, plain_view(problem), [], nuisance=False))
-    rows, joints = problem.residual.shape
-    one, other = np.zeros((rows, joints, 3, 1)), np.zeros((rows, joints, 2, 1))
-    one[:, :, 0, 0] = problem.velocity
-    one[:, :, 1, 0] = 1e-200 * problem.velocity
-    other[:, :, 0, 0] = problem.position
-    fall, first, second = scan.pairs(one, other)
-    assert np.isfinite(fall).all()
-    assert (first[1:] == 0).all()
-    assert (second[:, 1] == 0).all()
-    assert fall[2, 1] == 0
-    assert first[0, 0] != 0
-
-
-@pytest.mark.parametrize("far", [-1e4, 1e4])
-def test_a_step_to_a_mount_beyond_all_bounds_ends_at_them(far: float) -> None:
-    for number in range(5):
-        sizes = np.zeros(5)
-        sizes[number] = far
-        mount = mount_of(sizes, np.array([5.0, 0.5]))
-        assert ((mount >= LIMITS[0]) & (mount <= LIMITS[1])).all()
-        assert (mount == mount_of(np.sign(sizes) * 1e3, np.array([5.0, 0.5]))).all()
 
 
 def test_the_memory_of_a_series_does_not_depend_on_its_size() -> None:
@@ -107,30 +59,6 @@ def test_a_constant_torque_leaves_nothing_to_explain() -> None:
     needs = Needs.of(make_dynamics(ROBOT, [flat])[0])
     assert needs.left(0, (0.1, 10.0)) == 0.0
     assert needs.left(1, (0.1, 10.0)) < 0.1
-
-
-def test_a_joint_that_rests_does_not_keep_the_others_from_being_separated(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    resting = replace(ARM[1], amplitudes=(0.0, 0.0, 0.0))
-    problem = problem_of(ROBOT, recorded(ROBOT, (ARM[0], resting), seed=1))
-    chosen, rival = (
-        term("coulomb_friction", "joint1", torque=1.0),
-        term("viscous_friction", "joint1", coefficient=1.0),
-    )
-    best = explain(problem, plain_view(problem), [chosen], nuisance=False)
-    item: Any = SimpleNamespace(term=best.terms[0], alternatives=((rival, 0.5),))
-    monkeypatch.setattr(experiments, "DRAWN", 4)
-    monkeypatch.setattr(experiments, "SPREADS", ())
-    [experiment], motions = design_experiments(ROBOT, problem, best, [item], seed=0)
-    assert experiment.motion in motions
-
-
-def test_no_row_between_the_edges_of_the_filter() -> None:
-    short = recorded(ROBOT, ARM, seed=1, duration=0.4)
-    [segment] = make_segments(ROBOT, [short], cutoff=3.0)
-    assert segment.time.size == 0
-    assert segment.measured.shape == (0, 2)
 
 
 @pytest.mark.parametrize("size", [1e-100, 1.0, 1e100])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.preparation import setup
+from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis.dynamics import recorded
 from robot_model import InputError, Recording, load_robot
 
 MOST = 4000
@@ -15,7 +15,7 @@ MOST = 4000
 @pytest.fixture(autouse=True)
 def _limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A limit that short recordings exceed."""
-    monkeypatch.setattr(setup, "MOST_SAMPLES", MOST)
+    monkeypatch.setattr(recorded, "MOST_SAMPLES", MOST)
 
 
 def test_too_many_rows_are_refused_in_one_sentence() -> None:

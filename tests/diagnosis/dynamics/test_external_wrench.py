@@ -8,15 +8,14 @@ import casadi as ca
 import pytest
 from floating_cases import flyer
 
-from missing_physics.diagnosis import Options
-from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import Options, diagnose
 from reference_model.effects import catalogue as entries
 from reference_model.effects.base import Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot
 
-OPTIONS = Options(experiments=False, simulation=False)
+OPTIONS = Options(experiments=False)
 
 
 class Thruster(ForceEffect):

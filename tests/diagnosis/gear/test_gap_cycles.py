@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from test_transmission import ROBOT, SLACK, Motion, diagnose, elasticity, recording
+from two_encoders import along_each
 
 from missing_physics.diagnosis.gear.cycles import free_cycle
 from missing_physics.diagnosis.gear.fit import GapData, fit_gap
 from missing_physics.diagnosis.gear.gap import gaps_of
 from missing_physics.diagnosis.gear.transmission import diagnose_transmission
-from missing_physics.diagnosis.preparation.setup import make_segments
 from robot_model import Recording
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ def test_the_best_cycle_of_a_curve_over_position_is_none(others: float) -> None:
     motion = Motion(1)
     first, second, third = (np.sin(order * motion.position) for order in (7.3, 12.1, 19.7))
     run = recording(motion, 2e-4 * (first + others * (second + third)), 1)
-    data = GapData(gaps_of(make_segments(ROBOT, [run]), [run])["joint1"], 1)
+    data = GapData(gaps_of(along_each(ROBOT, [run]), [run])["joint1"], 1)
     found = free_cycle(data, fit_gap(data, ()), "joint1.position", "rad")
     assert (found is None) == (others > 0)
 
@@ -65,9 +65,9 @@ def test_a_joint_that_rests_most_of_the_time_is_searched_as_one_that_moves() -> 
     torque = 150.0 * np.sin(position)
     channels = {"joint1.motor_position": position, "joint1.position": other, "joint1.torque": torque}
     run = Recording(time=time, channels=channels, source="rests")
-    segments = make_segments(ROBOT, [run])
-    data = GapData(gaps_of(segments, [run])["joint1"], 1)
+    along = along_each(ROBOT, [run])
+    data = GapData(gaps_of(along, [run])["joint1"], 1)
     found = free_cycle(data, fit_gap(data, ()), "joint1.position", "rad")
     assert found is not None
     assert found.known[0][1] == pytest.approx(33.0, rel=0.01)
-    diagnose_transmission(ROBOT, [run], (), segments=segments)  # comes to an end
+    diagnose_transmission(ROBOT, [run], (), along=along)  # comes to an end

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from test_transmission import ROBOT, STIFFNESS, Motion, elasticity, recording
+from two_encoders import along_each
 
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
-from missing_physics.diagnosis.preparation.setup import make_segments
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class Leaning(Motion):
 def diagnose(motion: Callable[..., Motion], gap: Callable[[Motion], Array]) -> TransmissionResult:
     motions = [motion(k, turns=0.05) for k in range(2)]
     runs = [recording(m, gap(m), k) for k, m in enumerate(motions)]
-    result = diagnose_transmission(ROBOT, runs[:1], runs[1:], segments=make_segments(ROBOT, runs))
+    result = diagnose_transmission(ROBOT, runs[:1], runs[1:], along=along_each(ROBOT, runs))
     assert result is not None
     return result
 

@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 from test_gap_play import Leaning, with_play
 from test_transmission import ROBOT, Gap, Motion, elasticity, recording
+from two_encoders import along_each
 
 from missing_physics.diagnosis.gear.causes import Cause, causes_of
 from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gear.gap import gaps_of, with_net_torque
 from missing_physics.diagnosis.gear.transmission import diagnose_transmission
 from missing_physics.diagnosis.gear.unseen import contradicted, of_all_recordings
-from missing_physics.diagnosis.preparation.setup import make_segments
 
 Array = NDArray[np.float64]
 #: The first recording leans on one flank; the second swings about hanging down.
@@ -22,7 +22,7 @@ MOTIONS = Leaning(0, turns=0.05), Motion(1, turns=0.05)
 
 def test_play_that_only_the_scored_recording_crosses_is_reported_beside_the_spring() -> None:
     runs = [recording(m, with_play(m), k) for k, m in enumerate(MOTIONS)]
-    result = diagnose_transmission(ROBOT, runs[:1], runs[1:], segments=make_segments(ROBOT, runs))
+    result = diagnose_transmission(ROBOT, runs[:1], runs[1:], along=along_each(ROBOT, runs))
     assert result is not None
     [finding] = result.findings
     assert finding.effect == "joint_elasticity"
@@ -36,7 +36,7 @@ def test_play_that_only_the_scored_recording_crosses_is_reported_beside_the_spri
 
 def _fitted(gap: Gap, *effects: str) -> tuple[GapData, GapFit, tuple[Cause, ...]]:
     runs = [recording(m, gap(m), k) for k, m in enumerate(MOTIONS)]
-    gaps = with_net_torque(gaps_of(make_segments(ROBOT, runs), runs)["joint1"], 1)
+    gaps = with_net_torque(gaps_of(along_each(ROBOT, runs), runs)["joint1"], 1)
     data, causes = GapData(gaps, 1), causes_of(gaps, prismatic=False)
     own = [next(c for c in causes if c.effect == effect and c.torque == "link") for effect in effects]
     return data, fit_gap(data, own), causes

@@ -5,31 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from test_transmission import ROBOT, Motion, recording
+from two_encoders import along_each
 
 from missing_physics.diagnosis.gear.causes import causes_of
 from missing_physics.diagnosis.gear.fit import GapData, fit_gap
 from missing_physics.diagnosis.gear.gap import gaps_of
 from missing_physics.diagnosis.gear.search import search_gap
-from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.replay.sensor_errors import rounded_mean, steps_left
-from robot_model import Sensor
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.15, 0.3, 0.5])
-def test_steps_leave_what_noise_does_not_wash_out(noise: float) -> None:
-    true = np.linspace(0.0, 3.0, 6000, endpoint=False)  # over whole steps
-    sensor = Sensor(channel="joint1.position", noise=noise, resolution=1.0)
-    left = rounded_mean(true, sensor) - true
-    assert steps_left(noise, 1.0) == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-3)
-    assert steps_left(noise, 0.0) == 0.0
 
 
 def test_what_is_no_larger_than_the_steps_make_is_not_named() -> None:
     """Friction in a gear that clearly shows, were encoders not rounded so coarsely."""
     runs = [recording(m, 4e-6 * np.sign(m.velocity) * -1.0, k) for k, m in enumerate((Motion(0), Motion(1)))]
-    gaps = gaps_of(make_segments(ROBOT, runs), runs)["joint1"]
+    gaps = gaps_of(along_each(ROBOT, runs), runs)["joint1"]
     causes = causes_of(gaps, prismatic=False)
     fine = search_gap(GapData(gaps, 1), causes)
     assert fine.best.causes

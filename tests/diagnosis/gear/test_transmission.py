@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from two_encoders import along_each
 
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
-from missing_physics.diagnosis.preparation.setup import make_segments
 from robot_model import Recording, Robot
 
 Array = NDArray[np.float64]
@@ -116,8 +116,8 @@ def diagnose(
     count = 2 if validate else 1
     motions = [Motion(2 * seed + k, turns=turns, viscous=viscous) for k in range(count)]
     runs = [recording(motion, gap(motion), 2 * seed + i, torque_noise) for i, motion in enumerate(motions)]
-    segments = make_segments(ROBOT, runs)
-    result = diagnose_transmission(ROBOT, runs[:1], runs[1:], segments=segments)
+    along = along_each(ROBOT, runs)
+    result = diagnose_transmission(ROBOT, runs[:1], runs[1:], along=along)
     assert result is not None
     return result
 
@@ -290,4 +290,4 @@ def test_none_without_two_encoders() -> None:
     full = recording(Motion(0), np.zeros(Motion(0).time.size), 0)
     channels = {name: values for name, values in full.channels.items() if name != "joint1.position"}
     single = Recording(time=full.time, channels=channels, source="one encoder")
-    assert diagnose_transmission(ROBOT, [single], [], segments=make_segments(ROBOT, [single])) is None
+    assert diagnose_transmission(ROBOT, [single], [], along=along_each(ROBOT, [single])) is None

@@ -11,8 +11,7 @@ from diagnosis_cases import AXIS, Sines, bare, recorded
 from end_to_end_cases import ARM, CASES
 from numpy.random import default_rng
 
-from missing_physics.diagnosis import Options
-from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.motion.estimate import HIGHEST_CUTOFF, Motion, estimate_motion
 from missing_physics.recordings import estimate_noise
 from reference_model.simulation import simulate
@@ -131,9 +130,9 @@ SLOWER = {
 def test_hidden_dry_friction_is_named_with_its_number(which: str) -> None:
     case = CASES["coulomb"]
     recording = thinned(simulate(ARM.with_effects(case.hidden), seed=1), SLOWER[which])
-    found = diagnose(ARM, [recording], options=Options(experiments=False, simulation=False)).diagnosis
+    found = diagnose(ARM, [recording], options=Options(experiments=False)).diagnosis
     [finding] = found.findings
     assert (finding.effect, finding.location) == (case.effect, case.at)
     low, high = finding.parameters["torque"].ci95
     assert low < case.parameters["torque"] < high
-    assert finding.validation_improvement > case.improvement
+    assert found.fit.validation_improvement > case.improvement

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.diagnosis.motion import estimate as motion
-from missing_physics.diagnosis.preparation.setup import make_segments
 from reference_model.simulation import simulate
 from robot_model import load_robot
 
@@ -26,8 +26,9 @@ def unexplained(period: float, rate: float) -> NDArray[np.float64]:
         "effects": (),
     }
     robot = arm.model_copy(update=changes)
-    [segment] = make_segments(robot, [simulate(robot, sensors=False)], cutoff=8.0)
-    return np.asarray(np.sqrt(np.mean((segment.measured - segment.inverse) ** 2, axis=0)))
+    [dynamics] = make_dynamics(robot, [simulate(robot, sensors=False)], cutoff=8.0)
+    left = dynamics.motion.low_pass.reduce(dynamics.motion.torque - dynamics.torque)
+    return np.asarray(np.sqrt(np.mean(left**2, axis=0)))
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ import pytest
 from documented_keys import SHAPE, check
 from end_to_end_cases import ARM, AXIS, CASES, QUICK, Case, within
 
-from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.calibration import TRUST
+from missing_physics.diagnosis import diagnose
 from missing_physics.recordings import load_mapping, load_recording
 from reference_model.simulation import simulate
 from robot_model import Actuator, EffectUse, Recording, Robot
@@ -41,8 +40,7 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
     label = f"{case.effect}@{case.at}"
     assert {f"{finding.effect}@{finding.location}", *finding.ambiguous_with} == {label}
     assert found.verdict == "explained"
-    # unknown physics keeps its odds of 1 : 8 where a name removes hardly more than would stand out
-    assert 0.88 * TRUST < finding.probability <= TRUST
+    assert finding.probability > 0.9
     for name in case.told:
         assert within(finding.parameters[name], case.parameters[name]), (name, finding.parameters[name])
     assert found.fit.validation_improvement > case.improvement

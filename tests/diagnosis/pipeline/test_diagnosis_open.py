@@ -12,8 +12,7 @@ import pytest
 from documented_keys import SHAPE, check
 from end_to_end_cases import ARM, AXIS, QUICK
 
-from missing_physics.diagnosis import Options
-from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import Options, diagnose
 from missing_physics.recordings import load_recording
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Recording, Robot
@@ -33,7 +32,7 @@ def test_nothing_is_named_when_nothing_is_missing(robot: Robot, seed: int) -> No
 def test_two_explanations_that_are_the_same_are_called_ambiguous(tmp_path: Path) -> None:
     """Gravity tilted in the plane of the arm turns everything as an offset of the first sensor does."""
     tilt = EffectUse(effect="gravity", at="base", x=0.3, y=0.0, z=0.0)
-    result = diagnose(ARM, [simulate(ARM.with_effects(tilt), seed=1)], options=Options(simulation=False))
+    result = diagnose(ARM, [simulate(ARM.with_effects(tilt), seed=1)], options=Options())
     found = result.diagnosis
     assert found.verdict == "ambiguous"
     [finding] = found.findings
@@ -134,5 +133,5 @@ def test_a_recording_that_cannot_tell_is_said_to(spoil: Any, sentence: str) -> N
 
 
 def test_what_is_no_recording_of_this_robot_is_refused() -> None:
-    with pytest.raises(InputError, match=r"neither joint1.position nor joint1.motor_position"):
+    with pytest.raises(InputError, match=r"neither joint1.position nor a channel that determines it"):
         diagnose(ARM, [only(simulate(ARM, seed=1), "torque")])

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from end_to_end_cases import ARM, CASES, QUICK
 
-from missing_physics.diagnosis import Diagnosis, Result
-from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import Diagnosis, Result, diagnose
 from reference_model.simulation import simulate
 from robot_model import Recording
 

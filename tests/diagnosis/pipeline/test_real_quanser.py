@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from missing_physics.diagnosis import Diagnosis, Options
-from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import Diagnosis, Options, diagnose
 from missing_physics.evaluation import Band, evaluate
 from missing_physics.recordings import load_mapping, load_recording
 from robot_model import Recording, load_robot

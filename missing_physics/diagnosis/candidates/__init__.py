@@ -1,1 +1,0 @@
-"""Effects that may be missing, each at its places, with numbers from which a fit starts."""

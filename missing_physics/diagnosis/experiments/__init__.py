@@ -1,1 +1,0 @@
-"""Motions that would separate explanations which these recordings cannot."""

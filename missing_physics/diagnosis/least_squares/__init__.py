@@ -1,1 +1,0 @@
-"""Recorded torques as a least-squares problem, and explanations fitted to it."""

@@ -1,1 +1,0 @@
-"""Where, when and on what the residual depends."""

@@ -1,1 +1,0 @@
-"""Vibration of flexible links along a recorded motion: state space, Kalman filter and smoother."""

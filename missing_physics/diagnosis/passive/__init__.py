@@ -1,1 +1,0 @@
-"""Effects of a free base and of flexible links, found from channels besides the torques."""

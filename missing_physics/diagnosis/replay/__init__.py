@@ -1,1 +1,0 @@
-"""Robots simulated in closed loop along the references of recordings."""

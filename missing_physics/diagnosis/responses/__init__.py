@@ -1,1 +1,0 @@
-"""What effects add to torques and channels along a recorded motion."""

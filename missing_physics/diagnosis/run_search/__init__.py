@@ -1,1 +1,0 @@
-"""Effects and numbers found by closed-loop simulations alone."""

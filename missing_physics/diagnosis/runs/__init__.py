@@ -1,1 +1,0 @@
-"""What closed-loop simulations say of explanations: likelihoods, numbers and their intervals."""
