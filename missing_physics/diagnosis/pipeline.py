@@ -21,8 +21,9 @@ from missing_physics.diagnosis.gear.transmission import TransmissionResult, diag
 from missing_physics.diagnosis.gear_file.effects import yielding
 from missing_physics.diagnosis.gear_file.merge import with_transmission
 from missing_physics.diagnosis.given import require_usable
+from missing_physics.diagnosis.known.effects import left_aside, restored, stripped
 from missing_physics.diagnosis.known.gears import behind_gears
-from missing_physics.diagnosis.known.sensors import restored, stripped, without_sensor_errors
+from missing_physics.diagnosis.known.sensors import without_sensor_errors
 from missing_physics.diagnosis.options import Options
 from missing_physics.results.result import Result
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
@@ -63,7 +64,7 @@ def diagnose(
     require_weighable(robot, given)
     require_usable(given, fitted, chosen.cutoff)
     tell("estimating motion and torque")
-    nominal, every = stripped(robot), [without_sensor_errors(robot, one) for one in given]
+    nominal, every = stripped(robot, given), [without_sensor_errors(robot, one) for one in given]
     ready = prepared(nominal, every, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
     used, along = ready.recordings, ready.dynamics
     if not chosen.as_recorded:
@@ -80,8 +81,14 @@ def diagnose(
         whole = with_transmission(whole, gap, robot)
     lacking = [joint.name for joint in covered.joints if joint.reason is not None]
     whole = judged(whole, nominal, lacking)
-    file = restored(robot_from_toml(whole.augmented_robot_toml), robot)
-    return replace(whole, augmented_robot_toml=robot_to_toml(file), seconds=time.monotonic() - began)
+    open_ = (*whole.diagnosis.could_not_tell, *left_aside(robot, given))
+    file = restored(robot_from_toml(whole.augmented_robot_toml), robot, given)
+    return replace(
+        whole,
+        diagnosis=replace(whole.diagnosis, could_not_tell=open_),
+        augmented_robot_toml=robot_to_toml(file),
+        seconds=time.monotonic() - began,
+    )
 
 
 def _weighed(

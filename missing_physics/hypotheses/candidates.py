@@ -100,13 +100,13 @@ def candidates(
         hypothesis: the one to which effects are added.
         places: joints whose torque is compared.
         channels: recorded in every recording.
-        given: friction laws of the robot file.
+        given: effects of the robot file at joints.
     """
     terms = hypothesis.terms
     present = {term.key for term in terms} | {one.term.key for one in given}
     for one in given:
         if one.term.at in places:
-            yield from _of_file(one, terms)
+            yield from _in_rows(one, terms) if one.term.in_rows else _of_file(one, terms)
     for effect in (*catalogue().values(), *UNKNOWN):
         if not effect.along_motion or not effect.estimated:
             continue
@@ -148,6 +148,14 @@ def _of_file(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
         yield replace(given, instead=other)
         return
     names = [p.name for p in own.effect.estimated if p.name not in own.freed]
+    for more in [[name] for name in names] + ([names] if len(names) > 1 else []):
+        yield Candidate(own.freeing(*more), instead=own.key, numbers=len(more))
+
+
+def _in_rows(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
+    """An effect of the robot file that the rows have already, with further parameters estimated."""
+    own = next((term for term in terms if term.key == given.term.key), given.term)
+    names = [p.name for p in own.effect.estimated if p.linear and p.name not in own.freed]
     for more in [[name] for name in names] + ([names] if len(names) > 1 else []):
         yield Candidate(own.freeing(*more), instead=own.key, numbers=len(more))
 

@@ -47,11 +47,12 @@ class Hypothesis:
 
     def less(self, term: Term) -> Hypothesis:
         """The hypothesis without what a term changes: a term of the robot file is as in the file again."""
-        return self.refiling(term) if term.freed else self.without(term)
+        return self.refiling(term) if term.freed and not term.in_rows else self.without(term)
 
     def refiling(self, term: Term, *names: str) -> Hypothesis:
         """The hypothesis with parameters of a term of the robot file as in the file; all without names."""
-        return replace(self, terms=tuple(t.as_filed(*names) if t.key == term.key else t for t in self.terms))
+        terms = (t.as_filed(*names) if t.key == term.key else t for t in self.terms)
+        return replace(self, terms=tuple(t for t in terms if t.freed or not t.in_rows))
 
     def without(self, term: Term) -> Hypothesis:
         """The hypothesis without one term; standard model parameters that it replaced are free again."""

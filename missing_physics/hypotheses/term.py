@@ -23,6 +23,8 @@ class Term:
         limits: bounds narrower than the catalogue's, set by a recording's extent: name, lower, upper.
         nominal: values in the robot file of a term that the file has; empty for any other.
         freed: those of its parameters that are estimated where the file has the term; the others are held.
+        in_rows: whether the file's term is in the rows already, so that only changes of its parameters, which
+            are linear, contribute.
     """
 
     effect: Effect
@@ -32,6 +34,7 @@ class Term:
     limits: tuple[tuple[str, float, float], ...] = ()
     nominal: tuple[float, ...] = ()
     freed: frozenset[str] = frozenset()
+    in_rows: bool = False
 
     @classmethod
     def of(
@@ -53,10 +56,10 @@ class Term:
         return cls(effect, at, tuple(inside[p.name] for p in effect.parameters), run, narrower)
 
     @classmethod
-    def given(cls, effect: Effect, at: str, values: Mapping[str, float]) -> Term:
+    def given(cls, effect: Effect, at: str, values: Mapping[str, float], *, in_rows: bool = False) -> Term:
         """A term that the robot file has, with the file's values."""
         own = tuple(float(values[p.name]) for p in effect.parameters)
-        return cls(effect, at, own, nominal=own)
+        return cls(effect, at, own, nominal=own, in_rows=in_rows)
 
     @property
     def key(self) -> tuple[str, str]:
@@ -80,6 +83,14 @@ class Term:
         if self.is_given:
             return tuple(p for p in self.effect.estimated if p.name in self.freed)
         return tuple(p for p in self.effect.estimated if p.name not in held)
+
+    @property
+    def straight(self) -> tuple[float, ...]:
+        """Values of the estimated parameters that are linear, 0 for the others; changes of a term in the rows."""
+        return tuple(
+            self.parameters[p.name] - (self.filed(p.name) if self.in_rows else 0.0) if p.linear else 0.0
+            for p in self.free
+        )
 
     def filed(self, name: str) -> float:
         """The robot file's value of a parameter of a term that the file has."""

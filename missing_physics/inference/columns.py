@@ -93,7 +93,7 @@ class KeptColumns:
         own, found = self._runs[run], np.zeros_like(self._runs[run].torque)
         fresh: list[Term] = []
         for term in terms:
-            if _is_at_joint(term, own) and self._known(term, run) is None:
+            if _is_at_joint(term, own) and not term.in_rows and self._known(term, run) is None:
                 fresh.append(term)
                 continue
             acts, values = self.acting(term, run)
@@ -132,7 +132,7 @@ def _key(term: Term, run: int) -> tuple[object, ...]:
 
 def _straight(term: Term) -> Array:
     """Linear parameters of a term, zero for the others, shape (P,)."""
-    return np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
+    return np.array(term.straight)
 
 
 def columns_of(term: Term, run: Run, number: int) -> Array:
@@ -182,6 +182,8 @@ def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple
         if _is_at_joint(term, run) and term.run in (None, number):
             assert isinstance(term.effect, JointEffect)
             full[i] = _joint(term, term.effect, run)
+            if term.in_rows:
+                full[i][:, 0] = full[i][:, 1:] @ term.straight
             continue
         columns = columns_of(term, run, number)
         acts = np.flatnonzero(columns.any(axis=(0, 2)))
@@ -332,7 +334,9 @@ def _gear(term: Term, effect: YieldingGear, run: Run) -> Array:
     k, time = _place(run, term.at), run.motion.time
     rotor = float(run.along.inertial[run.model.inertial_names.index(f"{term.at}.reflected_inertia")])
     passed = run.needed[:, k] - rotor * run.motion.acceleration[:, k]
-    twist = GearAlong(effect).evaluate(passed, _derivative(time, passed), term.parameters)
+    every = GearAlong(effect).evaluate(passed, _derivative(time, passed), term.parameters)
+    names = [p.name for p in effect.estimated]
+    twist = every[:, [0, *(1 + names.index(p.name) for p in term.free)]]
     found = -run.moved(k, twist)
     found[:, k] += rotor * make_interp_spline(time, twist, k=5)(time, 2)  # the rotor moves as recorded
     return run.reduce(found)

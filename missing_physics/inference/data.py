@@ -7,6 +7,7 @@ of about a sample that all joints share is no physical effect. Each joint may ha
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -26,7 +27,7 @@ from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.normal import Normal, Places, acting, total_of
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, is_friction
-from reference_model.effects.base import BodyEffect
+from reference_model.effects.base import BodyEffect, JointEffect, YieldingGear
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
@@ -83,7 +84,7 @@ class Data:
             zero where nothing is compared.
         blocks: of all runs.
         torque: rms of the recorded torque at each joint, see `Rows.scale`, shape (n,).
-        given: friction laws of the robot file at joints that are no parameters of the standard model, and
+        given: effects of the robot file at joints that are no parameters of the standard model, and
             what multiplies them; a law that contains Coulomb friction holds that of the standard model.
     """
 
@@ -138,6 +139,11 @@ class Data:
                 along[place] = estimate[place] if numbers[place] == value else numbers[place]
         runs = tuple(about(run, along) for run in self.runs)
         return replace(self, runs=runs, designs=_designs(runs))
+
+    @property
+    def laws(self) -> tuple[Candidate, ...]:
+        """Those of `given` that the rows do not have."""
+        return tuple(one for one in self.given if not one.term.in_rows)
 
     @property
     def about_numbers(self) -> Array:
@@ -201,7 +207,7 @@ class Data:
 
     def nominal(self, run: int) -> Array:
         """Torques by the robot file in one recording, zero where nothing is compared, shape (K, n)."""
-        laws = [self.columns(one.term, run)[:, :, 0] for one in self.given]
+        laws = [self.columns(one.term, run)[:, :, 0] for one in self.laws]
         return np.asarray(sum(laws, self.designs[run] @ self.filed))
 
     def target(self, run: int) -> Array:
@@ -368,7 +374,10 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
 
 
 def _given(robot: Robot, filed: Mapping[str, float]) -> Iterator[Candidate]:
-    """Friction laws and modifiers of the robot file at joints of which the standard model has none.
+    """Effects of the robot file at joints of which the standard model has no parameters.
+
+    Friction laws, their modifiers and gears behind the only encoder, and what the rows have already (springs,
+    ripple), of which the linear parameters may be off.
 
     Args:
         robot: nominal.
@@ -376,11 +385,18 @@ def _given(robot: Robot, filed: Mapping[str, float]) -> Iterator[Candidate]:
     """
     numbers = {effect for effect, _, _ in EFFECTS.values()}
     joints = {drive.name for drive in robot.drives}
+    counts = Counter((used.effect.id, used.at) for used in used_effects(robot))
     for used in used_effects(robot):
-        if used.effect.id not in numbers and used.at in joints and is_friction(used.effect):
+        if used.effect.id in numbers or used.at not in joints:
+            continue
+        if is_friction(used.effect):
             level = f"{used.at}.coulomb"
             held = ((level, float(filed[level])),) if used.effect.family else ()
             yield Candidate(Term.given(used.effect, used.at, used.parameters), held)
+        elif isinstance(used.effect, YieldingGear):
+            yield Candidate(Term.given(used.effect, used.at, used.parameters))
+        elif isinstance(used.effect, JointEffect) and counts[used.effect.id, used.at] == 1:
+            yield Candidate(Term.given(used.effect, used.at, used.parameters, in_rows=True))
 
 
 def _filed(robot: Robot, model: RobotModel) -> Array:

@@ -118,7 +118,7 @@ class Search:
 def absent(data: Data, hypothesis: Hypothesis) -> tuple[Term, ...]:
     """Friction laws of the robot file that a hypothesis lacks."""
     present = {term.key for term in hypothesis.terms}
-    return tuple(one.term for one in data.given if one.term.key not in present)
+    return tuple(one.term for one in data.laws if one.term.key not in present)
 
 
 def filable(data: Data) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ def search(data: Data, progress: Said | None = None) -> Search:
     best = _simplified(state, _freed(state, best))
     best = _exchanged(state, best, progress)
     best = _without_names(state, _freed(state, best), progress)
-    if data.given:  # effects that made up for a law that is held, while the force was not there
+    if data.laws:  # effects that made up for a law that is held, while the force was not there
         best = _pruned(state, best)
     _freed(state, best)
     best = state.best
@@ -82,7 +82,7 @@ def _begun(data: Data) -> Search:
     held = {name for name, _ in known.held}
     filed = known.filing(*(name for name in filable(data) if name not in held))
     starts = [first, standard, state.keep(_fitted(state, filed, standard))]
-    if data.given:
+    if data.laws:
         starts.append(state.settled(_timed(state, known, standard)))
     plain = _simplified(state, max(state.made.values(), key=state.score))
     state.made = {fit.hypothesis.key: fit for fit in (*starts, plain)}
@@ -92,7 +92,7 @@ def _begun(data: Data) -> Search:
 def _with_laws(data: Data) -> Hypothesis:
     """The standard model with the friction laws of the robot file."""
     found = Hypothesis()
-    for law in data.given:
+    for law in data.laws:
         found = law.added_to(found)
     return found
 

@@ -35,7 +35,6 @@ __all__ = [
     "ParameterChange",
     "Result",
     "Rung",
-    "Stage",
     "Timing",
     "Unnamed",
     "Verdict",
@@ -149,17 +148,13 @@ class Finding:
 class ChannelFit:
     """Fit of one channel before (nominal robot) and after (augmented robot).
 
-    The errors count the samples in which the joint moves; the relative errors (rms of the error over rms of
-    the channel) count all samples. Those of a position are errors of free runs, all samples counted.
-    `standard` are those of the standard identification model, None where it was not compared.
+    The errors count the samples in which the joint moves. `standard` are those of the standard identification model, None where it was not compared.
     """
 
     unit: str
     before: Errors
     after: Errors
     noise_floor: float
-    relative_error_before: Errors | None = None
-    relative_error_after: Errors | None = None
     standard: Errors | None = None
 
 
@@ -219,25 +214,6 @@ class ParameterChange:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """The explanation after one more effect was named, fitted to all samples in which the joints move.
-
-    Stages of a refit in simulation follow those of the regression; their errors are of positions.
-
-    Attributes:
-        effects: labels `effect@place` that had been named by then.
-        parameters: of every effect, those of the nominal robot included, by label and name.
-        nominal_parameters: re-estimated numbers of the nominal robot.
-        relative_error: per channel, rms of the error over rms of the channel, all samples counted.
-    """
-
-    effects: tuple[str, ...]
-    parameters: Mapping[str, Mapping[str, Estimate]]
-    nominal_parameters: tuple[ParameterChange, ...]
-    relative_error: Mapping[str, Errors]
-
-
-@dataclass(frozen=True)
 class Diagnosis:
     """The answer; `to_json` gives the documented file."""
 
@@ -253,7 +229,6 @@ class Diagnosis:
     could_not_tell: tuple[str, ...] = ()
     unnamed: tuple[Unnamed, ...] = ()
     nominal_parameters: tuple[ParameterChange, ...] = ()
-    stages: tuple[Stage, ...] = ()
     notes: tuple[str, ...] = ()
     comparison: Comparison = field(default_factory=Comparison)
     timing: tuple[Timing, ...] = ()

@@ -27,7 +27,7 @@ MOST_LINES = 120
 IN_THE_FILE = (
     *(result.Diagnosis, result.Mismatch, result.Dependence, result.Finding, result.Estimate),
     *(result.Alternative, result.Fit, result.ChannelFit, result.Errors, result.Experiment),
-    *(result.ParameterChange, result.Stage, result.Unnamed, result.Curve),
+    *(result.ParameterChange, result.Unnamed, result.Curve),
 )
 
 

@@ -37,7 +37,6 @@ def section(result: Result, robot: Robot) -> Section:
         heading="Before and after",
         values={
             "rows": [_fit_row(name, fit) for name, fit in channels.items()],
-            "relative": any(fit.relative_error_before for fit in channels.values()),
             "left_out": len(result.series) - len(drawn),
             "thinned": any(item.time.size > limit for item in drawn),
             "any": bool(drawn),
@@ -49,7 +48,6 @@ def section(result: Result, robot: Robot) -> Section:
 def _fit_row(channel: str, fit: ChannelFit) -> dict[str, str]:
     before, after = fit.before, fit.after
     gain = 1 - after.validation_rms / before.validation_rms if before.validation_rms > 0 else float("nan")
-    relative = (fit.relative_error_before, fit.relative_error_after)
     return {
         "channel": channel,
         "unit": fit.unit,
@@ -59,7 +57,6 @@ def _fit_row(channel: str, fit: ChannelFit) -> dict[str, str]:
         "held_after": number(after.validation_rms),
         "gain": percent(gain),
         "noise_floor": number(fit.noise_floor),
-        "relative": " → ".join(percent(r.validation_rms) if r else ABSENT for r in relative),
     }
 
 
