@@ -9,6 +9,7 @@ import numpy as np
 from missing_physics.answer.augmented import augmented
 from missing_physics.answer.findings import Answer, answer_of, is_large
 from missing_physics.answer.guard import guarded
+from missing_physics.answer.load import with_load
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
@@ -16,6 +17,7 @@ from missing_physics.hypotheses import TIMING
 from missing_physics.inference import Data, search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
+from missing_physics.inference.loads import loads
 from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
@@ -60,8 +62,9 @@ def answered(
     found = search(data, progress)
     data = found.data
     known = weighed(found)
-    safe = guarded(data, known.answer, found.standard)
-    answer = answer_of(data, known, safe.fit)
+    carried = loads(data, known.answer, found.shares)
+    safe = with_load(found, known.answer, carried) or guarded(data, known.answer, found.standard)
+    answer = answer_of(data, known, safe.fit, carried)
     late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
     every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
     rows = compared_rows(data)
@@ -87,7 +90,7 @@ def answered(
         findings=answer.findings,
         fit=_fit(data, rows, robot),
         unnamed=tuple(unnamed(data, known, answer.fit)),
-        could_not_tell=(*_dismissed(found, answer), *_not_searched(data)),
+        could_not_tell=(*_dismissed(found, answer), _not_searched()),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),
         timing=answer.timing,
@@ -132,14 +135,10 @@ def _dismissed(found: Search, answer: Answer) -> list[str]:
     ]
 
 
-def _not_searched(data: Data) -> list[str]:
-    """Effects that no torque along the recorded motion shows; of rigid robots, those of surroundings only."""
-    titles = [
-        effect.title.lower()
-        for effect in catalogue().values()
-        if not effect.along_motion and (data.bends or effect.place != "link")
-    ]
-    return [f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."]
+def _not_searched() -> str:
+    """Effects that no torque along the recorded motion shows."""
+    titles = [effect.title.lower() for effect in catalogue().values() if not effect.along_motion]
+    return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
 
 
 def _notes(data: Data, validated: bool) -> list[str]:

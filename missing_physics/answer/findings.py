@@ -14,14 +14,15 @@ from missing_physics.answer.adequacy import adequacies
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
+from missing_physics.inference.loads import Load
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard.model import EFFECTS
-from reference_model.effects.base import JointEffect, Parameter
+from reference_model.effects.base import BodyEffect, JointEffect, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint, Robot
 
-__all__ = ["Answer", "answer_of", "is_large"]
+__all__ = ["STATED", "Answer", "answer_of", "is_large"]
 
 Array = NDArray[np.float64]
 
@@ -58,18 +59,22 @@ class Answer:
     named: dict[tuple[str, str], dict[str, float]]
 
 
-def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
+def answer_of(data: Data, known: Posterior, fit: Fit, carried: Sequence[Load] = ()) -> Answer:
     """The answer from the weighed hypotheses.
 
     Args:
         data: the rows.
         known: the hypotheses.
         fit: the stated one.
+        carried: what bodies off the robot file's are due to.
     """
     robot = data.standard.nominal
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce) or term.is_given:
+            continue
+        if any(term.at in load.bodies for load in carried) and isinstance(term.effect, BodyEffect):
+            found.append(_of_body(data, fit, term, carried))
             continue
         probability = _chance(known, term)
         if probability > STATED or (probability >= RIVAL and _rivals(data, known, fit, term)):
@@ -117,6 +122,27 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
         alternatives=alternatives,
         validation_improvement=_gain(data, known, fit, term.key),
         note=" ".join(notes),
+    )
+
+
+def _of_body(data: Data, fit: Fit, term: Term, carried: Sequence[Load]) -> Finding:
+    """A load on a link, or wrong mass properties of it."""
+    probable: dict[tuple[str, str], float] = {}
+    for load in carried:
+        for body in load.bodies:
+            key = load.effect, body
+            probable[key] = probable.get(key, 0.0) + load.probability
+    named = {other.key for other in fit.hypothesis.terms}
+    rivals = [(key, p) for key, p in probable.items() if key not in named and key[0] and p >= RIVAL]
+    rivals.sort(key=lambda one: -one[1])
+    why = "the bodies that the recordings determine differ from the robot file in another way"
+    return Finding(
+        effect=term.effect.id,
+        location=term.at,
+        probability=probable[term.key],
+        parameters={p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free},
+        ambiguous_with=tuple(_label(key, term.at) for key, _ in rivals),
+        alternatives=tuple(Alternative(effect, at, p, why) for (effect, at), p in rivals),
     )
 
 

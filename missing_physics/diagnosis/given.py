@@ -1,13 +1,47 @@
-"""Whether recordings and options can be used at all."""
+"""Whether a robot, recordings and options can be used at all."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import combinations
 
-from robot_model import InputError, Recording
+from missing_physics.standard.rows import is_friction
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import UsedEffect, used_effects
+from robot_model import InputError, Recording, Robot
 
-__all__ = ["require_usable"]
+__all__ = ["has_two_encoders", "require_usable", "require_weighable"]
+
+#: Friction effects of a robot file that are parameters of the standard model.
+NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
+#: Quantities in which a joint's motion may be recorded.
+ENCODERS = ("motor_position", "position")
+
+
+def require_weighable(robot: Robot, recordings: Sequence[Recording]) -> None:
+    """Raises `InputError` where hypotheses cannot be weighed, and says how to correct it.
+
+    They require an encoder for each joint; links that do not bend where motors move several joints; no
+    effects of structure or surroundings in the robot file; and of its friction laws, no two of one kind at
+    one joint, and at joints that transmissions move only viscous and Coulomb friction.
+    """
+    if reason := _robot_lacks(robot):
+        raise InputError(f"robot '{robot.name}' cannot be diagnosed as it is: {reason}.")
+    for recording in recordings:
+        for joint in robot.drives:
+            if not any(f"{joint.name}.{q}" in recording for q in ENCODERS):
+                raise InputError(
+                    f"{recording.source or 'the recording'} has neither {joint.name}.position nor a channel "
+                    "that determines it; record it, or name its source in a map."
+                )
+
+
+def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
+    """Whether the motor of some joint has a separate encoder in every recording."""
+    return any(
+        all(f"{joint.name}.{q}" in recording for recording in recordings for q in ENCODERS)
+        for joint in robot.drives
+    )
 
 
 def require_usable(every: Sequence[Recording], fitted: int, cutoff: float | None) -> None:
@@ -34,3 +68,51 @@ def require_usable(every: Sequence[Recording], fitted: int, cutoff: float | None
                 "prove nothing; give another one, or none, and a quarter of each recording is held out."
             )
         raise InputError(f"{name} holds the same as recording {i + 1}; give each recording once.")
+
+
+def _robot_lacks(robot: Robot) -> str:
+    """Why hypotheses cannot be weighed about a robot, as a clause; empty where they can."""
+    if not robot.moving_joints:
+        return "it has no moving joint; give the joint that moved another kind than 'fixed'"
+    if robot.flexible_links and robot.transmissions:
+        link = robot.flexible_links[0]
+        key = "beam" if link.beam is not None else "modal"
+        return f"link '{link.name}' bends; leave out its '{key}' and give its whole mass and inertia"
+    drives, laws = {drive.name for drive in robot.drives}, set[tuple[str, str]]()
+    for used in used_effects(robot):
+        clause = _why_not(robot, used) or (_why_no_law(used, drives, laws) if _is_other_law(used) else "")
+        if clause:
+            return clause
+    return ""
+
+
+def _why_not(robot: Robot, used: UsedEffect) -> str:
+    if used.effect.along_motion and not (robot.transmissions and isinstance(used.effect, GearEffect)):
+        return ""
+    here = f"the robot file has {used.effect.id} at '{used.at}'"
+    return f"{here}, which cannot be taken as known; leave it out"
+
+
+def _is_other_law(used: UsedEffect) -> bool:
+    """Whether it is friction that is no parameter of the standard model."""
+    return is_friction(used.effect) and used.effect.id not in NUMBERS
+
+
+def _why_no_law(used: UsedEffect, drives: Collection[str], laws: set[tuple[str, str]]) -> str:
+    """Why a friction law beyond viscous and Coulomb friction cannot be taken as known.
+
+    Args:
+        used: the law.
+        drives: joints with an actuator of their own, and motors of transmissions.
+        laws: joint and kind of the laws before it, to which it is added.
+    """
+    if used.at not in drives:
+        return (
+            f"the robot file has {used.effect.id} at '{used.at}', which a transmission moves, and there only "
+            "viscous and Coulomb friction can be taken as known; leave it out: the diagnosis tests other laws"
+        )
+    kind = used.at, used.effect.family or used.effect.id
+    if kind in laws:
+        return f"the robot file has {kind[1].replace('_', ' ')} twice at '{used.at}'; leave one of them out"
+    laws.add(kind)
+    return ""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from missing_physics.answer import answered, has_two_encoders, require_weighable
+from missing_physics.answer import answered
 from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
@@ -20,7 +20,7 @@ from missing_physics.diagnosis.dynamics.along import Along
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.diagnosis.gear_file.effects import yielding
 from missing_physics.diagnosis.gear_file.merge import with_transmission
-from missing_physics.diagnosis.given import require_usable
+from missing_physics.diagnosis.given import has_two_encoders, require_usable, require_weighable
 from missing_physics.diagnosis.known.effects import left_aside, restored, stripped
 from missing_physics.diagnosis.known.gears import behind_gears
 from missing_physics.diagnosis.known.sensors import without_sensor_errors

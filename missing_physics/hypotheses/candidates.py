@@ -91,9 +91,10 @@ def candidates(
 ) -> Iterator[Candidate]:
     """Every effect that the recordings could show, with each of its sets of starting values.
 
-    Effects on bodies are candidates where the hypothesis takes the bodies from the file; otherwise all bodies
-    are estimated anyway. Friction laws of the robot file are candidates with the file's values where the
-    hypothesis lacks them, and with one or all of their parameters estimated where it has them.
+    Effects on links are candidates where links bend and the hypothesis takes the bodies from the file; those
+    of rigid links follow from the estimated bodies (`missing_physics.inference.loads`). Friction laws of the
+    robot file are candidates with the file's values where the hypothesis lacks them, and with one or all of
+    their parameters estimated where it has them.
 
     Args:
         robot: nominal.
@@ -119,7 +120,7 @@ def candidates(
         if isinstance(effect, BodyEffect):
             if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
                 yield Candidate(Term.of(effect, "base", {p.name: 0.0 for p in effect.parameters}))
-            if effect.place == "link" and BODIES in hypothesis.filed:
+            if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.filed:
                 yield from _at_links(effect, robot, present)
             continue
         for joint, place in places.items():

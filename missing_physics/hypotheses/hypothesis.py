@@ -25,11 +25,13 @@ class Hypothesis:
         held: parameters of the standard model that are not estimated, with their fixed values.
         filed: names of standard model parameters with the robot file's value, within its tolerance; `BODIES`
             for all bodies.
+        accuracy: relative accuracy of the bodies where they are filed; that of usual files when None.
     """
 
     terms: tuple[Term, ...] = ()
     held: tuple[tuple[str, float], ...] = ()
     filed: frozenset[str] = frozenset()
+    accuracy: float | None = None
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -38,7 +40,7 @@ class Hypothesis:
             (*term.key, -1 if term.run is None else term.run, term.is_given, *sorted(term.freed))
             for term in self.terms
         )
-        return tuple(terms), tuple(sorted(self.held)), self.filed
+        return tuple(terms), tuple(sorted(self.held)), self.filed, self.accuracy
 
     @property
     def freed(self) -> tuple[tuple[Term, str], ...]:

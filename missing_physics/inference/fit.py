@@ -131,7 +131,7 @@ def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
 def _width(data: Data, hypothesis: Hypothesis) -> float:
     """Relative width of the bodies' prior."""
     own = data.standard.estimate.width
-    return min(own, FILE) if BODIES in hypothesis.filed else own
+    return min(own, hypothesis.accuracy or FILE) if BODIES in hypothesis.filed else own
 
 
 def _energy(data: Data, terms: Sequence[Term], numbers: Array) -> Array:

@@ -15,7 +15,7 @@ from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.beam_numbers import BEAM_NUMBERS
 from robot_model import Robot
 
-__all__ = ["Layout"]
+__all__ = ["Layout", "length_of"]
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Layout:
         start = np.concatenate([nominal, np.zeros(len(kinds))])
         bodies = _bodies(robot, nominal)
         for body, place in bodies.items():
-            start[place] = solid(nominal[place], _length(robot, body))
+            start[place] = solid(nominal[place], length_of(robot, body))
         slides = np.any([r.counted.any(axis=0) for r in rows], axis=0)
         size = np.ones(len(names))
         for place in bodies.values():
@@ -126,7 +126,7 @@ def _driven(robot: Robot) -> list[bool]:
     return actuators if any(actuators) else [True] * len(actuators)
 
 
-def _length(robot: Robot, body: str) -> float:
+def length_of(robot: Robot, body: str) -> float:
     """Length of a body: to its centre of mass or the farthest joint that it carries [m]."""
     member = robot.base if body == "base" else robot.link(body)
     reach = [float(np.linalg.norm(joint.origin)) for joint in robot.joints if joint.parent == body]

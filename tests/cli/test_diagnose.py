@@ -218,7 +218,7 @@ def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
         link = '[[links]]\nname = "link1"\nmass = 1.0\n'
         joint = '[[joints]]\nname = "joint1"\nkind = "fixed"\nparent = "base"\nchild = "link1"\n'
         fixed.write_text(f'name = "welded"\n{link}{joint}')
-        return [fixed, case / "recording.csv"], "has no moving joint"
+        return [fixed, case / "recording.csv"], "it has no moving joint"
     if kind == "torque in one only":
         dumb = [name.split(",") for name in lines]
         names = [name.strip('"') for name in dumb[0]]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from recorded_arm import COULOMB, VISCOUS, Hidden, asymmetric, nothing, recorded, spring
 
-from missing_physics.answer import why_not_weighed
 from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis.given import require_weighable
 from missing_physics.hypotheses import Hypothesis
 from missing_physics.inference import Data, fitted
 from missing_physics.inference.ledger import ODDS, prior
@@ -16,7 +16,7 @@ from missing_physics.standard import fit_standard
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import JointEffect, JointSignals
 from reference_model.effects.catalogue import get_effect
-from robot_model import EffectUse, Recording, Robot, robot_from_toml
+from robot_model import EffectUse, InputError, Recording, Robot, robot_from_toml
 
 Array = np.ndarray
 STATIC, SLOW = 0.9, 0.3
@@ -196,6 +196,6 @@ def test_two_laws_of_one_kind_at_one_joint_are_refused(arm: Robot) -> None:
         EffectUse(effect="position_dependent_friction", at="joint", cosine=0.1, sine=0.0, order=order)
         for order in (3.0, 5.0)
     ]
-    assert why_not_weighed(arm.with_effects(waves[0]), [recorded(nothing, seed=1)]) == ""
-    clause = why_not_weighed(arm.with_effects(*waves), [recorded(nothing, seed=1)])
-    assert clause == "the robot file has position dependent friction twice at 'joint'; leave one of them out"
+    require_weighable(arm.with_effects(waves[0]), [recorded(nothing, seed=1)])
+    with pytest.raises(InputError, match="has position dependent friction twice at 'joint'; leave one"):
+        require_weighable(arm.with_effects(*waves), [recorded(nothing, seed=1)])

@@ -1,0 +1,299 @@
+"""Loads on links, and links whose mass properties are wrong, from the bodies that the recordings determine.
+
+Torques of a robot of rigid links are linear in the ten parameters phi of its bodies, so that the likelihood
+is exp(-1/2 (phi - phi0)^T F (phi - phi0) + eta^T (phi - phi0)) about the robot file's phi0, with friction,
+rotors and effects integrated out. Every hypothesis says how phi may differ from phi0,
+
+    phi = phi0 + d + a_k,    d ~ N(0, tau^2 H^-1),
+
+with H the metric of relative changes of bodies (`missing_physics.bodies.pseudo_inertia`) and tau the accuracy
+of the robot file, unknown between that of weighed parts and that of a guess. a_k is nothing; or a point mass
+at link k,
+
+    a_k = (m, m r, m (r.r 1 - r r^T)),    m > 0,  m ~ N(0, m_k^2),  r ~ N(centre_k, length_k^2);
+
+or one link, or two, are as uncertain as their parameters are large. The evidence integrates over d exactly,
+over m and r by Laplace's approximation, and over tau by a sum. Equations of joints that nothing drives do not
+count: their noise is that of the motion, in proportion to the bodies, so that they say nothing of their size.
+For the file to be off like a load, the other
+bodies would have to be right and the difference that of a point mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import logsumexp
+
+from missing_physics.bodies.pseudo_inertia import COUNT, divergence
+from missing_physics.hypotheses import BODIES, Hypothesis
+from missing_physics.inference.data import Data
+from missing_physics.inference.fit import Fit, fitted
+from missing_physics.inference.ledger import ODDS
+from missing_physics.inference.problem import Problem
+from missing_physics.standard.layout import length_of
+from reference_model.effects.base import BodyEffect
+from robot_model import Robot
+
+__all__ = ["Load", "loads", "without_bodies"]
+
+Array = NDArray[np.float64]
+
+#: Accuracies that a robot file's bodies may have, each as probable as the others (relative change, standard
+#: deviation): of parts that were weighed, of careful and of usual CAD, of a handbook, of a guess.
+ACCURACIES = (0.003, 0.01, 0.03, 0.1, 0.3)
+#: Relative accuracy of a single body that is wrong: as uncertain as it is large.
+WRONG = 1.0
+#: Effects on bodies.
+LOAD, WRONG_BODY = "payload", "inertia"
+#: A mass of fewer standard deviations is not distinguished from none.
+CLEAR = 2.0
+
+
+@dataclass(frozen=True)
+class Load:
+    """One explanation of how bodies differ from the robot file.
+
+    Attributes:
+        effect: id of the effect; empty where no body has any.
+        bodies: the links.
+        probability: against all others.
+        values: of the effect's parameters where a fit begins.
+        accuracy: that the robot file's other bodies most probably have (relative).
+    """
+
+    effect: str
+    bodies: tuple[str, ...]
+    probability: float
+    values: Mapping[str, float]
+    accuracy: float
+
+
+def without_bodies(hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis with all bodies estimated, and without effects on single ones."""
+    terms = tuple(t for t in hypothesis.terms if not _is_on_body(t.effect))
+    return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES})
+
+
+def loads(data: Data, fit: Fit, shares: Array) -> tuple[Load, ...]:
+    """Explanations of the bodies that the recordings determine, most probable first.
+
+    None where links bend, where nothing drives the robot, or where no body is estimated.
+
+    Args:
+        data: the rows.
+        fit: the effects beside which bodies are estimated.
+        shares: ratio of independent samples to samples at each joint, shape (n,).
+    """
+    if data.bends or data.layout.scale.any():
+        return ()
+    beside = fitted(data, without_bodies(fit.hypothesis), fit)
+    problem = Problem.of(data, beside.hypothesis, beside.numbers)
+    free = problem.layout.free
+    bodies = {
+        data.layout.names[place.start].split(".")[0]: place
+        for place in data.layout.bodies
+        if free[place].all()
+    }
+    if not bodies:
+        return ()
+    known = _Known.of(problem, beside, shares, tuple(bodies.values()))
+    links = [_Link.of(data, name, place) for name, place in bodies.items() if name != "base"]
+    found: dict[tuple[str, tuple[str, ...]], list[tuple[float, Mapping[str, float], float]]] = {}
+    starts: dict[str, Array] = {}
+    order = list(bodies)
+    for accuracy in ACCURACIES:
+        base, spread = known.evidence(accuracy), known.within(accuracy)
+        found.setdefault(("", ()), []).append((base, {}, accuracy))
+        for count in (1, 2):
+            for wrong in combinations([link.name for link in links], count):
+                own = known.evidence(accuracy, [order.index(name) for name in wrong])
+                found.setdefault((WRONG_BODY, wrong), []).append((own - count * ODDS, {}, accuracy))
+        for link in links:
+            gain, point = link.gain(*spread(order.index(link.name)), starts.get(link.name))
+            starts[link.name] = point
+            values = dict(zip(("mass", "x", "y", "z"), map(float, point)))
+            found.setdefault((LOAD, (link.name,)), []).append((base + gain - ODDS, values, accuracy))
+    total = {key: float(logsumexp([one for one, *_ in each])) for key, each in found.items()}
+    whole = float(logsumexp(list(total.values())))
+    made = []
+    for key, each in found.items():
+        _, begin, likely = max(each, key=lambda one: one[0])
+        made.append(Load(*key, float(np.exp(total[key] - whole)), begin, likely))
+    return tuple(sorted(made, key=lambda one: -one.probability))
+
+
+def _is_on_body(effect: object) -> bool:
+    return isinstance(effect, BodyEffect) and effect.place == "link"
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What the recordings determine of bodies, in coordinates z of relative changes: delta phi = root z.
+
+    Attributes:
+        root: blocks of each body, shape (B, 10, 10).
+        vectors: eigenvectors of the information about z, columns, shape (P, P).
+        values: its eigenvalues, shape (P,).
+        slope: gradient of the log-likelihood at the robot file, in eigenvectors, shape (P,).
+    """
+
+    root: Array
+    vectors: Array
+    values: Array
+    slope: Array
+
+    @classmethod
+    def of(cls, problem: Problem, fit: Fit, shares: Array, places: Sequence[slice]) -> _Known:
+        data, layout = problem.data, problem.layout
+        driven = np.any([run.driven for run in data.runs], axis=0)
+        weight = np.where(driven, shares / (fit.sigma**2 + data.error**2), 0.0)
+        gram, right = problem.total.weighted(weight)
+        mine = np.concatenate([np.arange(place.start, place.stop) for place in places])
+        others = np.setdiff1d(np.flatnonzero(layout.free), mine)
+        held = np.setdiff1d(np.arange(len(layout.names)), np.concatenate([mine, others]))
+        right = right - gram[:, held] @ problem.begin[held] - gram[:, mine] @ data.filed[mine]
+        matrix = gram[np.ix_(others, others)]
+        prior, centre = 1.0 / layout.width[others] ** 2, layout.centre[others]
+        size = 1.0 / np.sqrt(np.maximum(np.diag(matrix) + prior, 1e-300))
+        scaled = (matrix + np.diag(prior)) * np.outer(size, size)
+        across = gram[np.ix_(others, mine)]
+        both = np.column_stack([across, right[others] + prior * centre]) * size[:, None]
+        solved = np.linalg.lstsq(scaled, both, rcond=None)[0] * size[:, None]
+        information = gram[np.ix_(mine, mine)] - across.T @ solved[:, :-1]
+        slope = right[mine] - across.T @ solved[:, -1]
+        solid = np.array([layout.start[place] for place in places])
+        metric = divergence(solid, solid)[2]
+        root = np.linalg.inv(np.linalg.cholesky(metric)).transpose(0, 2, 1)
+        whole = np.zeros_like(information)
+        for b, own in enumerate(root):
+            whole[_block(b), _block(b)] = own
+        values, vectors = np.linalg.eigh(whole.T @ information @ whole)
+        return cls(root, vectors, np.maximum(values, 0.0), vectors.T @ (whole.T @ slope))
+
+    def evidence(self, accuracy: float, wrong: Sequence[int] = ()) -> float:
+        """Logarithm of the likelihood, integrated over bodies of this accuracy but some wrong ones [nats]."""
+        if not wrong:
+            spread = accuracy**2
+            grown = 1.0 + spread * self.values
+            return float(0.5 * np.sum(spread * self.slope**2 / grown - np.log(grown)))
+        width = np.full(self.values.size, accuracy)
+        for body in wrong:
+            width[_block(body)] = WRONG
+        information = (self.vectors * self.values) @ self.vectors.T * np.outer(width, width)
+        slope = (self.vectors @ self.slope) * width
+        grown = np.eye(width.size) + information
+        return float(0.5 * (slope @ np.linalg.solve(grown, slope) - np.linalg.slogdet(grown)[1]))
+
+    def within(self, accuracy: float) -> Callable[[int], tuple[Array, Array]]:
+        """Slope and curvature of the log-likelihood by parameters of one body, others of this accuracy.
+
+        Returns:
+            A function of the body's number, shapes (10,) and (10, 10).
+        """
+        grown = 1.0 + accuracy**2 * self.values
+        slope, curvature = self.vectors @ (self.slope / grown), (self.vectors * (self.values / grown))
+
+        def of(body: int) -> tuple[Array, Array]:
+            back, own = np.linalg.inv(self.root[body]), _block(body)
+            inner = curvature[own] @ self.vectors[own].T
+            return back.T @ slope[own], back.T @ inner @ back
+
+        return of
+
+
+def _block(body: int) -> slice:
+    return slice(COUNT * body, COUNT * (body + 1))
+
+
+@dataclass(frozen=True)
+class _Link:
+    """A link that may carry a point mass.
+
+    Attributes:
+        name: of the link.
+        mass: of it [kg].
+        centre: its centre of mass [m], shape (3,).
+        length: of it [m].
+        points: where a load may sit: its centre and the joints that it carries [m].
+    """
+
+    name: str
+    mass: float
+    centre: Array
+    length: float
+    points: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, data: Data, name: str, place: slice) -> _Link:
+        robot: Robot = data.standard.nominal
+        mass, moment = data.filed[place][0], data.filed[place][1:4]
+        centre, length = moment / mass, length_of(robot, name)
+        carried = [np.array(joint.origin) for joint in robot.joints if joint.parent == name]
+        around = [centre + side * length * axis for axis in np.eye(3) for side in (1.0, -1.0)]
+        return cls(name, float(mass), centre, length, (centre, *carried, *around))
+
+    def gain(self, slope: Array, curvature: Array, start: Array | None) -> tuple[float, Array]:
+        """Evidence of a load at the link beside none [nats], and its mass and place, shape (4,).
+
+        Args:
+            slope, curvature: of the log-likelihood by the link's parameters.
+            start: mass and place where the search begins; several places when None.
+        """
+        size = np.array([self.mass, self.length, self.length, self.length])
+        middle = np.array([0.0, *self.centre])
+
+        def cost(x: Array) -> tuple[float, Array]:
+            point, jacobian = _point_mass(x * size)
+            away = x - middle / size
+            pull = slope - curvature @ point
+            value = 0.5 * away @ away - slope @ point + 0.5 * point @ curvature @ point
+            return float(value), away - size * (jacobian.T @ pull)
+
+        begins = [start / size] if start is not None else list(self._starts(slope, curvature, size))
+        bounds = [(0.0, None), *[(None, None)] * 3]
+        made = [minimize(cost, x, jac=True, method="L-BFGS-B", bounds=bounds) for x in begins]
+        best = min(made, key=lambda one: float(one.fun))
+        step = 1e-4 * np.eye(4)
+        second = np.array([(cost(best.x + d)[1] - cost(best.x - d)[1]) / 2e-4 for d in step])
+        second = 0.5 * (second + second.T)
+        precision, axes = np.linalg.eigh(second)
+        precision = np.maximum(precision, 1e-9)
+        deviation = float(np.sqrt(np.sum(axes[0] ** 2 / precision)))
+        if best.x[0] <= CLEAR * deviation:  # as likely as none, wherever it sits
+            return 0.0, best.x * size
+        return float(np.log(2.0) - best.fun - 0.5 * np.sum(np.log(precision))), best.x * size
+
+    def _starts(self, slope: Array, curvature: Array, size: Array) -> Iterator[Array]:
+        """Every place with the mass that is likeliest there."""
+        for place in self.points:
+            unit, _ = _point_mass(np.array([1.0, *place]))
+            stiff = unit @ curvature @ unit + 1.0 / self.mass**2
+            yield np.array([max(float(slope @ unit) / stiff, 1e-3 * self.mass), *place]) / size
+
+
+def _point_mass(load: Array) -> tuple[Array, Array]:
+    """The ten parameters of a point mass about the link's frame, (10,), and their derivatives, (10, 4).
+
+    Args:
+        load: mass and place, shape (4,).
+    """
+    mass, place = load[0], load[1:]
+    jacobian = np.zeros((COUNT, 4))
+    jacobian[0, 0], jacobian[1:4, 0], jacobian[1:4, 1:] = 1.0, place, mass * np.eye(3)
+    jacobian[4:, 0] = _six(place @ place * np.eye(3) - np.outer(place, place))
+    for axis, unit in enumerate(np.eye(3)):
+        turned = 2.0 * place[axis] * np.eye(3) - np.outer(unit, place) - np.outer(place, unit)
+        jacobian[4:, 1 + axis] = mass * _six(turned)
+    return mass * jacobian[:, 0], jacobian
+
+
+def _six(inertia: Array) -> Array:
+    """xx, yy, zz, xy, xz, yz of an inertia."""
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return np.array([inertia[pair] for pair in pairs])
