@@ -17,7 +17,6 @@ from pathlib import Path
 from missing_physics.diagnosis import Diagnosis
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.results.result import Estimate
-from missing_physics.wording.numbers import within_text
 from robot_model import Recording
 
 __all__ = [
