@@ -1,4 +1,4 @@
-"""Which robots and recordings are diagnosed by weighed hypotheses."""
+"""Which robots and recordings can be diagnosed."""
 
 from __future__ import annotations
 

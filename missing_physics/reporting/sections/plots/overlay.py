@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from missing_physics.reporting.elements import palette
 from missing_physics.reporting.elements.decimate import envelope_indices, intervals
 from missing_physics.reporting.elements.figures import Figure, Spec, axis, layout, line, rectangle, swatch
-from missing_physics.reporting.elements.formatting import ABSENT, number, percent
+from missing_physics.reporting.elements.formatting import number, percent
 from missing_physics.reporting.elements.selection import drawn_series, residuals, short_names, windows_of
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import ChannelFit, ChannelSeries, Result
