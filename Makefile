@@ -39,8 +39,8 @@ help:
 	@echo "make yardstick-simulated  this engine, under LABEL=$(LABEL), on 300 drawn cases (HALF=looked, counted or"
 	@echo "              both, CASES= for the first so many of them); takes hours, goes on after an interrupt;"
 	@echo "              ARGS='--against FILE' compares with another engine's scores"
-	@echo "make effects  every effect alone, hard pairs, bending links, unseen joints, from the other engine's recordings,"
-	@echo "              as pages under reports/evidence; takes about an hour, goes on after an interrupt"
+	@echo "make effects  every effect alone and hard pairs, from the other engine's recordings, as pages under"
+	@echo "              reports/evidence; takes about an hour, goes on after an interrupt"
 	@echo "make bench    speed and accuracy beside other engines, two to ten minutes; prints the ratios, writes"
 	@echo "              reports/benchmarks.json, a row of the history beside it, reports/benchmarks.html, which"
 	@echo "              marks what became slower, and reports/benchmarks.rrd for the rerun viewer"
@@ -85,8 +85,6 @@ yardstick-simulated: $(STAMP)
 effects: $(STAMP)
 	$(BIN)/python -m benchmarks.effects.study --draws 1 --processes $(WORKERS) $(ARGS)
 	$(BIN)/python -m benchmarks.effects.hard_pairs --processes $(WORKERS) $(ARGS)
-	$(BIN)/python -m benchmarks.unseen.hidden_links
-	$(BIN)/python -m benchmarks.unseen.remote
 
 bench: $(PEERS)
 	@mkdir -p reports
@@ -107,8 +105,6 @@ peers: $(PEERS)
 	$(BIN)/python -m benchmarks.peers.study
 
 evidence: $(STAMP)
-	$(BIN)/python -m benchmarks.machines.real_recordings
-	$(BIN)/python -m benchmarks.machines.servo_pendulum > /dev/null
 	$(BIN)/python -m benchmarks.speed.long_recording
 	$(BIN)/python -m benchmarks.effects.null_cases
 	$(BIN)/python -m benchmarks.friction.study

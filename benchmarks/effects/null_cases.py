@@ -3,8 +3,8 @@
     python -m benchmarks.effects.null_cases [--cases 40] [--unknown 10] [--first-seed 6000]
         [--robots NAME,NAME] [--processes 2] [--out FILE]
 
-Some recordings are diagnosed a second time without their reference positions, so that the robot's own run
-cannot decide and the regression must, as it must with most real recordings.
+Some recordings are diagnosed a second time without their reference positions, which most real recordings
+lack.
 
 Every case is kept in `reports/null_cases/`, which git ignores, so that an interrupted run goes on where it
 stopped; a case of other sources is done anew.
@@ -39,7 +39,7 @@ CASES = EVIDENCE.parent / "null_cases"
 #: Seeds of the scoring; development has used others, and 1000 to 1039 and 5000 to 5039 were scored before.
 FIRST_SEED, NUMBER, UNKNOWN = 6000, 40, 10
 PROCESSES = 2
-#: Begins the note of a diagnosis that the robot's own run has decided.
+#: Began the note of a diagnosis that the robot's own run had decided, in an earlier program.
 OWN_RUN = "The nominal robot's own run"
 #: Quantile of the standard normal for 95 % intervals.
 NORMAL_95 = 1.959964
@@ -51,10 +51,8 @@ resolution; then it is diagnosed with the very robot that was simulated. So ever
 finding, and every verdict other than `consistent` is a false alarm. One recording per case, no validation
 recording: one stretch in four is held out. The seed draws the sensors' noise: seeds {first} to {last}."""
 DECIDED = """\
-Where the robot's own simulation gives every recorded channel down to the noise, that decides, and no effect
-is looked for. So the first {count} recordings of each robot were diagnosed once more without their reference
-positions, as if controller and reference were not known: then the regression along the recorded motion
-decides alone."""
+The first {count} recordings of each robot were diagnosed once more without their reference positions, as if
+controller and reference were not known."""
 KEPT_APART = " They were kept for this count; development used others."
 #: What a case depends on; a case of other sources is done anew.
 PROGRAM = ("robot_model", "reference_model", "missing_physics")

@@ -24,11 +24,11 @@ over credible ranges, {ATTEMPTS} times at most, until the true model says that t
 both recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice a
 log-likelihood, `missing_physics/challenge/scoring/information.py`). An effect that lies as far from every
 rival that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
-only be listed beside it. Effects without regressors along a motion (gears, links, base, contact,
-temperature) must make the recordings differ from the nominal robot's runs by as much; no rival is
-weighed. Robots with links that bend are drawn once, since they take long to simulate; effects of joints,
-actuators and sensors on the one that flies come last. A case that does not stand out in both recordings is
-diagnosed all the same, and not counted."""
+only be listed beside it. Effects without regressors along a motion (links, base, contact), gears and
+temperature must make the recordings differ from the nominal robot's simulations by as much; no rival is
+weighed. A diagnosis does not search for those of links, base and contact. Robots with links that bend are
+drawn once, since they take long to simulate; effects of joints, actuators and sensors on the one that flies
+come last. A case that does not stand out in both recordings is diagnosed all the same, and not counted."""
 COLUMNS = """\
 *Place* is right where every hidden place is a finding's or, with nothing named, where the mismatch is
 located; *name* where the effect is named at its place, "in the set" where it is listed as an explanation

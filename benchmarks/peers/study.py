@@ -102,9 +102,7 @@ seconds of this process in this run, after everything is read and imported. mujo
 free runs and is measured by torque all the same; least squares and the sparse regression fit what is measured
 here. The tools are not made for the same job: what is a peer's and what is not is in the last column of the
 first table. EMPS and the servo are real; nobody knows the truth there, and published values come from fits
-with a chosen structure. Where the diagnosis refits in simulation (the servo), it minimises the position
-errors of closed-loop free runs, which is another measure than this one: see servo_pendulum.md. Seeds of the
-simulated recordings are development seeds."""
+with a chosen structure. Seeds of the simulated recordings are development seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""The diagnosis of a robot with known joint torques, by weighed hypotheses."""
+"""From recordings to the weighed hypotheses, and from these to the diagnosis."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def compared_rows(data: Data) -> tuple[Rows, ...]:
     """Samples of every recording, the fitted ones first; joints without fitted samples are not compared."""
     channels = tuple(f"{joint}.torque" for joint in data.joints)
     fitted = data.counts[data.seen].sum(axis=0) > 0.0
-    each = [np.hypot(run.rows.noise, run.rows.shaken) for run in data.runs]  # a robot file cannot tell both
+    each = [np.hypot(run.rows.noise, run.rows.shaken) for run in data.runs]  # no robot file predicts either
     noise = np.sqrt(np.mean(np.square(each), axis=0))
     found = []
     for i, run in enumerate(data.runs):

@@ -178,7 +178,7 @@ class _Challenge:
     def _diagnose(self) -> None:
         made = list(self._made())
         for name in made:
-            self._answer(name)  # a changed answer is told before time is spent
+            self._answer(name)  # a changed answer is reported before time is spent
         waiting = [name for name in made if self._answer(name) is None]
         for name, outcome in self._work("diagnose", waiting, self._case):
             self._keep_answer(name, outcome)

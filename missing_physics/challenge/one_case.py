@@ -1,6 +1,6 @@
 """One case of the flexible space robot, drawn from a seed: dry friction in one of its joints.
 
-Its base floats, its second link bends with a load at its end, and nothing but encoders and torques tells what
+Its base floats, its second link bends with a load at its end, and nothing but encoders and torques shows what
 the joints do.
 """
 

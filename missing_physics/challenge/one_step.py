@@ -23,7 +23,7 @@ from robot_model import InputError, lacks_room
 
 __all__ = ["end_with", "main"]
 
-#: How often it is looked whether the challenge is still there [s]; on Linux its kernel tells at once.
+#: How often it is looked whether the challenge is still there [s]; on Linux its kernel says so at once.
 LOOKS = 0.5
 
 
@@ -31,7 +31,7 @@ def end_with(parent: int) -> None:
     """From now on this process ends when the one that started it has ended, however it did.
 
     Args:
-        parent: its number, which it told, since it may be gone by now.
+        parent: its number as it stated it, since it may be gone by now.
     """
 
     def watch() -> None:

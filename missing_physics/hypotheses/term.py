@@ -86,7 +86,10 @@ class Term:
 
     @property
     def straight(self) -> tuple[float, ...]:
-        """Values of the estimated parameters that are linear, 0 for others; of a term in the rows, changes."""
+        """Values of the estimated parameters that are linear, 0 for the others.
+
+        Of a term that is in the rows, their differences from the robot file.
+        """
         return tuple(
             self.parameters[p.name] - (self.filed(p.name) if self.in_rows else 0.0) if p.linear else 0.0
             for p in self.free

@@ -148,8 +148,8 @@ class Finding:
 class ChannelFit:
     """Fit of one channel before (nominal robot) and after (augmented robot).
 
-    The errors count the samples in which the joint moves. `standard` are those of the standard identification
-    model, None where it was not compared.
+    The errors count the samples in which the joint moves. `standard` are those of the standard
+    identification model, None where it was not compared.
     """
 
     unit: str

@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from reference_model.effects.signals import GearSignals, JointSignals, SensorSignals, smooth_sign
 
 __all__ = [
-    "BY_SIMULATION",
     "BodyEffect",
     "BodyTerms",
     "Effect",
@@ -127,13 +126,6 @@ class Extent:
     orders: tuple[float, ...] = ()
 
 
-#: How an effect is found that has no regressors along a recorded joint motion.
-BY_SIMULATION = (
-    "simulation, by diagnoses that do not weigh hypotheses: where no torque is recorded, a joint has no "
-    "encoder, or the robot file has gears, sensor errors or effects of structure"
-)
-
-
 class Effect(ABC):
     """Base of all effects; concrete classes set the class attributes and are used through one instance.
 
@@ -154,8 +146,8 @@ class Effect(ABC):
         essential: parameters without which it means nothing; if empty, all that are absent at no value.
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
-        along_motion: it has regressors along a recorded joint motion; else simulations have to be compared.
-        told_by: from what a diagnosis tells it all the same where it has none; empty where no search does.
+        along_motion: it has regressors along a recorded joint motion. A diagnosis does not search for effects
+            without any; both engines simulate them.
     """
 
     id: ClassVar[str]
@@ -177,7 +169,6 @@ class Effect(ABC):
     ordered: ClassVar[tuple[tuple[str, str], ...]] = ()
     is_event: ClassVar[bool] = False
     along_motion: ClassVar[bool] = True
-    told_by: ClassVar[str] = ""
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; raises KeyError."""

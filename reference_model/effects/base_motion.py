@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from pydantic import ValidationError
 
-from reference_model.effects.base import BY_SIMULATION, Extent, Parameter, Values
+from reference_model.effects.base import Extent, Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
 from reference_model.effects.structure import StructureEffect
 from reference_model.kinematics.spatial import constant
@@ -56,7 +56,6 @@ class BaseMotion(StructureEffect, ForceEffect):
     experiment = (
         "put a rate sensor on the base; bolt it to something stiffer, or knock on it with joints braked"
     )
-    told_by = f"{BY_SIMULATION}; where links are rigid and the base is described as fixed"
     carries_start = True
     essential = ("compliance",)
 

@@ -39,9 +39,7 @@ class BodySignals:
 class ForceEffect(Effect):
     """Pushes on a body at a point of it.
 
-    A base or a flexible link that it moves is not recorded with the joints' motion; there simulations have to
-    be compared, see `reference_model.passive.prescribed`. Where the base is fixed and links are rigid it has
-    regressors along that motion.
+    A base or a flexible link that it moves is not recorded with the joints' motion.
     """
 
     along_motion = False

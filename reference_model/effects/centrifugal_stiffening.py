@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from reference_model.effects.base import BY_SIMULATION, Extent, Parameter
+from reference_model.effects.base import Extent, Parameter
 from reference_model.effects.structure import StructureEffect
 from reference_model.flexible import FlexibleBody
 from robot_model import InputError, Robot
@@ -33,7 +33,6 @@ class CentrifugalStiffening(StructureEffect):
     experiment = (
         "let the link ring at several constant rates: frequency squared against rate squared is a line"
     )
-    told_by = f"{BY_SIMULATION}; on a robot with links that bend"
     essential = ("strength",)
 
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:

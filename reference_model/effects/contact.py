@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from reference_model.effects.base import BY_SIMULATION, Extent, Parameter, Values
+from reference_model.effects.base import Extent, Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
 
 __all__ = ["Contact"]
@@ -76,7 +76,6 @@ class Contact(ForceEffect):
     )
     confused_with = ("external_torque", "end_stop", "backlash", "coulomb_friction")
     experiment = "take away the object, or approach the place along another way; look at the base's momentum"
-    told_by = f"{BY_SIMULATION}; where links are rigid, the base is fixed and the tip of a link touches"
     essential = ("offset",)
 
     def contradiction(self, values: Mapping[str, float]) -> str:

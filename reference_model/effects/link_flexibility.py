@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from reference_model.effects.base import BY_SIMULATION, Extent, Parameter
+from reference_model.effects.base import Extent, Parameter
 from reference_model.effects.bending import bending_link
 from reference_model.effects.structure import StructureEffect
 from robot_model import Robot
@@ -55,7 +55,6 @@ class LinkFlexibility(StructureEffect):
         "let it ring down with the joint's brake on: an elastic gear is then still; repeat with another "
         "payload, with which the frequency goes as one over the root of its mass"
     )
-    told_by = f"{BY_SIMULATION}; on robots whose links are all described as rigid"
     essential = ("period",)
 
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from reference_model.effects.base import BY_SIMULATION, Extent, Parameter
+from reference_model.effects.base import Extent, Parameter
 from reference_model.effects.structure import StructureEffect
 from reference_model.flexible import FlexibleBody, flexible_body
 from robot_model import InputError, Robot
@@ -38,7 +38,6 @@ class ModalDamping(StructureEffect):
         "ring-down from three amplitudes: a material's damping ratio does not depend on the amplitude, dry "
         "friction at a joint takes off an amount that is constant"
     )
-    told_by = f"{BY_SIMULATION}; on a robot with links that bend"
     essential = ("damping_ratio",)
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:

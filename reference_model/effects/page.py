@@ -14,7 +14,7 @@ from reference_model.effects.base import Effect, Parameter
 from reference_model.effects.catalogue import catalogue
 from robot_model import write_atomically
 
-__all__ = ["PICTURES", "PLACES", "catalogue_page", "facts", "picture_of", "range_of"]
+__all__ = ["NOT_SEARCHED", "PICTURES", "PLACES", "catalogue_page", "facts", "picture_of", "range_of"]
 
 #: How each effect shows in a simulation: ID.svg.
 PICTURES = Path(__file__).parent / "pictures"
@@ -30,9 +30,12 @@ PLACES = {
     "sensor": "of a sensor; `at` is a channel, such as `joint1.position`",
 }
 
+#: Of effects that have no regressors along a recorded joint motion.
+NOT_SEARCHED = "not searched for; both engines simulate it"
+
 _HEAD = """# Effects
 
-What a simulation of a robot can leave out, and this package can name. Written from the effects' own
+What a simulation of a robot can leave out. Written from the effects' own
 classes by `python -m reference_model.effects.page`; do not edit it by hand.
 
 A robot file lists an effect as
@@ -98,7 +101,7 @@ def facts(effect: Effect) -> Mapping[str, str]:
         "shows as": effect.signature,
         "confused with": ", ".join(effect.confused_with) or "nothing known",
         "to tell apart": effect.experiment,
-        "found from": effect.told_by,
+        "in a diagnosis": "" if effect.along_motion else NOT_SEARCHED,
         "needs": ", ".join(effect.needs),
         "comes on top of": " or ".join(effect.builds_on),
         "source": effect.source,
@@ -118,10 +121,8 @@ def _section(effect: Effect) -> Iterator[str]:
     yield f"- Shows as: {effect.signature}."
     yield f"- Confused with: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."
-    if effect.told_by:
-        yield f"- Found from: {effect.told_by}."
-    elif not effect.along_motion:
-        yield "- A diagnosis does not search for it: it has no regressors along a recorded joint motion."
+    if not effect.along_motion:
+        yield f"- In a diagnosis: {NOT_SEARCHED}."
     if effect.needs:
         yield f"- Needs in the recording: {', '.join(effect.needs)}."
     if effect.family:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from reference_model.effects.base import BY_SIMULATION, Extent, Parameter, Values
+from reference_model.effects.base import Extent, Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
 
 __all__ = ["ReactionWheel"]
@@ -91,7 +91,6 @@ class ReactionWheel(ForceEffect):
     experiment = (
         "turn the base about three axes in turn: the extra rate is across both; change the wheel speed"
     )
-    told_by = f"{BY_SIMULATION}; on a free base"
     needs = ("angular_velocity",)
     states = 6
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from pydantic import ValidationError
 
-from reference_model.effects.base import BY_SIMULATION, Extent, Parameter
+from reference_model.effects.base import Extent, Parameter
 from reference_model.effects.structure import StructureEffect
 from robot_model import Base, InputError, Joint, Link, Robot, SprungMass
 
@@ -53,7 +53,6 @@ class Slosh(StructureEffect):
     experiment = (
         "stop the arm in other poses: a link's frequency changes with them, the liquid's hardly; empty it"
     )
-    told_by = f"{BY_SIMULATION}; on a free base with links that bend"
     essential = ("frequency",)
     needs = ("angular_velocity",)
 

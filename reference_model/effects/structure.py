@@ -16,8 +16,7 @@ __all__ = ["StructureEffect"]
 class StructureEffect(Effect):
     """Changes the description of the robot; its controller keeps believing in the one it was given.
 
-    It has no regressors along a recorded motion: coordinates appear that no joint recording holds. A
-    diagnosis compares simulations of the changed robot, see `reference_model.passive.prescribed`.
+    It has no regressors along a recorded motion, since coordinates appear that no joint recording holds.
     """
 
     along_motion = False

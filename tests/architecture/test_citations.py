@@ -15,7 +15,6 @@ PAGES = {
     "CONTRIBUTING.md": ".",
     "docs/method.md": "missing_physics",
     "docs/paper.md": ".",
-    "docs/regression.md": "missing_physics/diagnosis",
     "docs/theory.md": ".",
 }
 #: A path in backticks, and what of it is meant.

@@ -1,4 +1,4 @@
-"""What moves in the 3-D view of a diagnosis: joints, free base, bent links, and the models' free runs."""
+"""What moves in the 3-D view of a diagnosis: joints, free base, bent links, simulated models."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ SCORED: tuple[tuple[range, str], ...] = (
 )
 
 #: Halves of the yardstick's numbers: anybody may look into the cases of one; those of the other are counted
-#: only, so that they tell whether what helps the former helps at all.
+#: only, so that they show whether what helps the former helps at all.
 Half = Literal["looked", "counted"]
 HALVES: tuple[Half, ...] = get_args(Half)
 

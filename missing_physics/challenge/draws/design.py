@@ -45,7 +45,7 @@ EVERY = 6
 #: Torque noise over what the effect does, in the family where the two are alike.
 NOISE_RATIO = (0.5, 1.6)
 #: How often cases of other families have stiff gains as well, torque noise from the same range of levels,
-#: or a free base without any sensor: none of these may tell that something is hidden.
+#: or a free base without any sensor: none of these may reveal that something is hidden.
 STIFF, RAISED, BLIND = 0.15, 0.1, 0.25
 
 

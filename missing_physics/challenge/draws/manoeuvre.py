@@ -52,7 +52,7 @@ STIFFER = (5.0, 12.0)
 #: Slowest sampling of a stiff controller [s]; at two milliseconds some oscillate.
 STIFF_PERIOD = 0.001
 #: Share of a joint's sliding friction that its controller's feed-forward makes up for, and how often a
-#: controller of another family has one: it must not tell that friction is missing, nor where.
+#: controller of another family has one: it must not reveal that friction is missing, nor where.
 MADE_UP_FOR = (0.6, 0.95)
 FEEDFORWARD = 0.2
 #: Friction for which a joint that has none got a feed-forward [hundredths of the actuator's limit]: as of

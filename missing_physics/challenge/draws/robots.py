@@ -1,7 +1,7 @@
 """The robots of the challenge: shipped ones with masses, inertias, geometry, friction and sensors varied.
 
 Every number that a file of a case holds is drawn with all its digits in every family, so that no family can
-be told by roundness.
+be recognised by roundness.
 """
 
 from __future__ import annotations

@@ -52,9 +52,9 @@ ATTEMPTS = 3
 LONGEST, TOO_LONG = 1800.0, 1
 #: Exit code of the command line for input that it cannot use.
 UNUSABLE = 2
-#: Exit code where the machine refused something, as room on the disk: it tells nothing of the case.
+#: Exit code where the machine refused something, as room on the disk: it says nothing about the case.
 STOPPED = 75
-#: Exit codes from here on tell of a signal or of a process that could not be started, as negative ones do.
+#: Exit codes from here on mean a signal or of a process that could not be started, as negative ones do.
 KILLED = 125
 ENDS: dict[int, Status] = {0: "done", UNUSABLE: "refused", STOPPED: "stopped"}
 #: What is kept of a diagnosis.
@@ -146,7 +146,7 @@ def attempt(
     with case_folder() as folder:
         for file, content in files.items():
             (folder / "in" / file).write_bytes(content)
-            os.utime(folder / "in" / file, (0, 0))  # when a file was made tells nothing
+            os.utime(folder / "in" / file, (0, 0))  # when a file was made reveals nothing
         code, _, words = _process(_command(step, folder, hidden), folder / "in", tag)
         written = untrusted_files(folder, "out", KEPT)
     return code, written, words

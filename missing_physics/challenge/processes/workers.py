@@ -125,7 +125,7 @@ def _left(client: Any, names: Mapping[Any, str], tag: str) -> None:
 def _result(future: Any) -> Outcome:
     """The outcome; a case whose workers died again and again has failed, and no other.
 
-    Whatever else goes wrong on a cluster tells nothing of the case.
+    Whatever else goes wrong on a cluster says nothing about the case.
     """
     from distributed import KilledWorker
 

@@ -1,4 +1,4 @@
-"""Whether what a gear does can be told from the two encoders on its sides.
+"""Whether what a gear does is identifiable from the two encoders on its sides.
 
 The difference of both encoders has white noise. The distance of an effect in the gear is the energy of that
 difference, in units of the noise, which no substitute takes over: a constant (where the encoders' zeros are),

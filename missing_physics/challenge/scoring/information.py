@@ -1,4 +1,4 @@
-"""Whether a hidden effect can be told at all, judged from the true model and never from an answer.
+"""Whether a hidden effect is identifiable at all, judged from the true model and never from an answer.
 
 The recording's torque residual has independent Gaussian coefficients in the cosine basis, with the spectrum
 that torque noise and position noise (differentiated twice by the inverse dynamics) give it: Whittle's

@@ -20,8 +20,8 @@ from math import log
 __all__ = ["FLOOR", "ProbabilityScore", "probability_score"]
 
 #: Probabilities count as at least this, and at most one minus this, in the logarithm: one half of the cases
-#: has 150, which cannot tell a share of a hundredth from none. So an effect that was not mentioned costs
-#: 4.6 nats, and certainty gains nothing over 0.99.
+#: has 150, which cannot distinguish a share of a hundredth from none. So an effect that was not mentioned
+#: costs 4.6 nats, and certainty gains nothing over 0.99.
 FLOOR = 0.01
 
 

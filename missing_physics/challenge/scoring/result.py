@@ -56,7 +56,7 @@ class CaseScore:
         number, name, family, robot: which case.
         hidden: `ID@PLACE` of what is hidden from the catalogue.
         foreign: kind of physics outside the catalogue; empty where there is none.
-        identifiable: per hidden label, whether the true model says that it can be told.
+        identifiable: per hidden label, whether it is identifiable by the true model.
         distance: per hidden label, the information that separates it from its nearest rival.
         verdict: of the answer; `NO_ANSWER` where there is none, or none that can be read.
         findings: of the answer.

@@ -128,7 +128,7 @@ def _effects(case: CaseScore) -> set[str]:
 
 
 def told_apart(case: CaseScore) -> bool:
-    """The true model says that everything hidden can be told."""
+    """Whether everything hidden is identifiable by the true model."""
     return bool(case.hidden) and all(case.identifiable.values())
 
 

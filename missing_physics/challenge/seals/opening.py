@@ -37,7 +37,7 @@ def check_cases(store: Store, names: Iterable[str], sealed: Sealed) -> None:
 
 
 def opened_by(store: Store) -> Opened:
-    """What was opened: its key opens the sealed file, which holds the promised truth, as told.
+    """What was opened: its key opens the sealed file, which holds the promised truth, as stated.
 
     Raises:
         InputError: one of the files does not agree with the others; it is named.

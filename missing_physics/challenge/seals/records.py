@@ -1,4 +1,4 @@
-"""What the JSON files of a challenge hold; a file that holds anything else is told with its name and key."""
+"""What the JSON files of a challenge hold; one that holds anything else is reported with its name and key."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The sealed truth: AES-256-GCM under a fresh random key that lives in one process's memory only.
 
 The library `cryptography` (pyca) does the encryption; authenticated, so that a changed file or a wrong key is
-told from a right one (NIST SP 800-38D). The key is published when the seal is opened.
+distinguished from a right one (NIST SP 800-38D). The key is published when the seal is opened.
 """
 
 from __future__ import annotations

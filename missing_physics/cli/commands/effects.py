@@ -99,7 +99,7 @@ def description(effect: Effect) -> dict[str, Any]:
         "rung": effect.rung,
         "builds_on": list(effect.builds_on),
         "needs": list(effect.needs),
-        "told_by": effect.told_by,
+        "searched": effect.along_motion,
         "source": effect.source,
         "plot": str(picture) if picture is not None else None,
     }

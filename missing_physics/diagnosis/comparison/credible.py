@@ -21,8 +21,8 @@ def in_the_file(
 ) -> tuple[ParameterChange, ...]:
     """Re-estimated numbers as the robot file that is written has them.
 
-    Data tell combinations of masses and inertias; a single number of an estimate may be none of a body, as a
-    moment of inertia below nothing. The file holds real bodies, and numbers that it does not hold are not
+    Data determine combinations of masses and inertias; a single number of an estimate may be none of a body,
+    as a negative moment of inertia. The file holds real bodies, and numbers that it does not hold are not
     stated.
 
     Args:
@@ -45,7 +45,7 @@ def in_the_file(
 
 
 def with_priors(finding: Finding, robot: Robot) -> Finding:
-    """A finding whose numbers tell where they could lie before, so that those that say nothing are seen."""
+    """A finding with the prior interval of each parameter, which shows what the data do not determine."""
     return replace(
         finding,
         parameters={

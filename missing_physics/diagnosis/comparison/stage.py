@@ -213,9 +213,7 @@ def _channels(
 
 
 def _held(fit: Fit, floor: Mapping[str, float], silent: Collection[str]) -> list[Held]:
-    """Errors that were not fitted; positions in free runs add up every error and have no noise level.
-
-    The error of any model counts as noise.
+    """Held-out errors of the channels that the verdict is about. The error of any model counts as noise.
 
     Args:
         fit: of all channels.

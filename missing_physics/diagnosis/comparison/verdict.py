@@ -30,10 +30,10 @@ class Held:
 
 @dataclass(frozen=True)
 class Search:
-    """What else the search for names says.
+    """What else the weighing of hypotheses says.
 
     Attributes:
-        verdict: of the search by itself; `consistent` and `not_enough_data` leave nothing to decide.
+        verdict: before errors are compared; `consistent` and `not_enough_data` leave nothing to decide.
         worse: whether the answer predicts worse than the standard model or the robot as described.
         mixed: whether the standard model predicts some joints better than what was named there.
         renumbered: whether only numbers of the robot file account for what is gone.

@@ -1,9 +1,9 @@
-"""Channels that contradict the robot's dynamics, told before any physics is blamed.
+"""Channels that contradict the robot's dynamics, reported before any physics is blamed.
 
 Torques are weighed in `coverage/torque_channels.py`. Where they fail, another reason is weighed as well: a
 position that was recorded wrongly, which changes what every joint needs. A gyro on a free base of rigid
 links is held against how the joints' motion turns the base. What the channels say of each other without a
-robot is told in `recordings`.
+robot is a matter of `recordings`.
 """
 
 from __future__ import annotations

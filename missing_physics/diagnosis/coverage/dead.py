@@ -1,4 +1,4 @@
-"""Torques that are constant although the motion takes a drive: dead channels, which tell nothing."""
+"""Torques that are constant although the motion takes a drive: dead channels, which say nothing."""
 
 from __future__ import annotations
 

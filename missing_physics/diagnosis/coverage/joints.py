@@ -95,7 +95,7 @@ class Coverage:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What cannot be told and why; joints with one and the same reason stand together."""
+        """What cannot be judged and why; joints with one and the same reason stand together."""
         reasons = (reason_words(reason, names) for reason, names in self.not_judged.items())
         return (*self.general, *reasons, *([one_way_words(self.one_way)] if self.one_way else []))
 

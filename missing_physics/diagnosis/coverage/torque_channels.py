@@ -1,8 +1,8 @@
 """Torques that contradict the motion: wrong sign, unit, side of the gear or joint.
 
 Each way in which a channel may have been recorded or named wrongly is a model of the same recording (see
-`coverage/needs.py`). One is told only if it is decisive: nothing physical explains the torques as they are
-named, and with the correction they are explained to a few percent.
+`coverage/needs.py`). One is reported only if it is decisive: nothing physical explains the torques as they
+are named, and with the correction they are explained to a few percent.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["BELIEVED", "Suspect", "believed", "factors", "torque_findings"]
 #: Scales of a torque that gains of sensors and actuators and other masses may make.
 BELIEVED = (0.1, 10.0)
 #: What a corrected torque must be of the robot's own, masses that are not known included; and that for
-#: telling joints from each other.
+#: distinguishing joints from each other.
 NEAR, NEARER = (0.4, 2.5), (0.7, 1.4)
 #: A corrected torque may leave this part of its energy unexplained, and the torque as it is named must leave
 #: so many times more.

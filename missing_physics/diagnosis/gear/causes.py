@@ -66,7 +66,7 @@ class Cause:
         known: parameters that belong to the shape: name to (value, unit).
         torque: which torque drives it. Known parameters of such a cause are as the torque sees them: a travel
             is K times that of the twist, a cubic stiffness is divided by K^3.
-        fine: a shape for the second look, when its effect is in; pairs of causes are tried without it.
+        fine: a shape that is tried once its effect is in; pairs of causes are tried without it.
         trials: shapes among which it was chosen by the data; its evidence must beat their number.
     """
 

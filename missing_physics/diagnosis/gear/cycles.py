@@ -92,7 +92,7 @@ def _way(data: GapData) -> float:
 def _orders(data: GapData) -> Array:
     """A grid over what the way shows and the filter passes at the median speed of what moves.
 
-    Samples tell no more cycles than one for two of them.
+    Samples determine no more cycles than one for two of them.
     """
     speed = np.abs(data.velocity[data.fitted])
     moving = speed[speed > STANDSTILL * max(float(speed.max(initial=0.0)), 1e-12)]

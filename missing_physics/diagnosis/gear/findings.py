@@ -22,7 +22,7 @@ from missing_physics.results.result import (
 
 __all__ = ["channel_fit", "findings_of_gap", "numbers_of_gap", "rungs_of", "series_of"]
 
-#: A rival at least this probable is told as ambiguous.
+#: A rival at least this probable is stated as ambiguous.
 AMBIGUOUS = 0.05
 #: What filtering a torque does to the travel of a hysteresis that it drives, relative: simulated loops with
 #: travels of a tenth of the torque's range came out up to 9 % off with statistical errors of 5 %.
@@ -141,7 +141,7 @@ def _with_stiffness(fit: GapFit, place: int, meaning: Meaning) -> Estimate | Non
 def _by_logarithm(fit: GapFit, cause: Cause, meaning: Meaning, half: float) -> Estimate:
     """A known parameter as the twist sees it, times K^power; its interval is that of its logarithm.
 
-    A travel is not told better than the filter of the torque leaves the corners of its loop.
+    A travel is known no better than the filter of the torque leaves the corners of its loop.
     """
     half = float(np.hypot(half, CORNERS)) if meaning.name == "travel" else half
     known = next(value for name, value, _ in cause.known if name == meaning.name)

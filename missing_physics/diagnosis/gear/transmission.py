@@ -1,8 +1,8 @@
 """Diagnosis of what lies between a motor's encoder and an encoder at the joint.
 
 For every joint that has both, the gap ``position - motor_position`` is located, named and proven as torques
-are: causes compete (see `gear/causes.py`), held-out data decide. What such data cannot tell is said: ten
-seconds of one motion seldom separate delay from viscous wind-up, or a gain error from an eccentric disc.
+are: causes compete (see `gear/causes.py`), held-out data decide. What such data cannot determine is stated:
+ten seconds of one motion seldom separate delay from viscous wind-up, or a gain error from an eccentric disc.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ __all__ = ["JointWork", "TransmissionResult", "diagnose_transmission", "listed_g
 
 #: Residual above the noise floor by less than this factor may come from the noise's uncertainty.
 FLOOR_TOLERANCE = 1.15
-#: What remains is told when it exceeds the noise floor by this factor.
+#: What remains is stated when it exceeds the noise floor by this factor.
 ABOVE_NOISE = 1.2
 #: A delay below so many times what viscous friction behind the gear makes look like one is not named.
 BY_FRICTION = 1.1
-#: A cause that was refused with at least this evidence is told as a hint.
+#: A cause that was refused with at least this evidence is stated as a hint.
 HINT = 3.0
 
 
@@ -75,7 +75,7 @@ class JointWork:
         data: the gaps.
         causes: all shapes that were weighed.
         search: how the fit came about.
-        fits: what is told, and the same in other shapes that are not excluded.
+        fits: what is stated, and the same in other shapes that are not excluded.
         whole: see `gear/unseen.py`.
         prismatic: whether the joint slides.
         remarks: on what became of names there.

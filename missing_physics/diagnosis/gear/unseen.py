@@ -3,7 +3,7 @@
 Play shows where the torque of a gear changes its sign. Where it does so in the scored recording only, the fit
 sees a spring, and perhaps reads something else into what is left at the level of noise; the scored error is
 then far above the fitted one. Nothing is named by such data, which would prove it by themselves. But a name
-that they contradict is taken back, and what explains all recordings together is told beside the others.
+that they contradict is taken back, and what explains all recordings together is stated beside the others.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Gears that were found, in the robot file and in closed-loop simulations."""
+"""Findings between two encoders: in the diagnosis and in the robot file."""

@@ -16,8 +16,8 @@ from robot_model import EffectUse, Joint, Robot
 
 __all__ = ["FoundGears", "found_gears", "found_sensors", "yielding"]
 
-#: Flanks whose stiffness the data do not tell get one of this eigenfrequency of the rotor on them [rad/s]:
-#: above what joint controllers excite, below what would make simulations crawl.
+#: Flanks whose stiffness the data do not determine get one of this eigenfrequency of the rotor on them
+#: [rad/s]: above what joint controllers excite, below what would make simulations crawl.
 FLANKS = 2 * np.pi * 200.0
 #: And this part of critical damping.
 FLANKS_DAMPING = 0.1

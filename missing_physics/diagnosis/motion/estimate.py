@@ -1,6 +1,6 @@
-"""Step 2 of the chain, the fast path: the joint motion and the actuator torque of a recording.
+"""The joint motion and the actuator torque of a recording.
 
-For robots whose joint motion is recorded the motion is estimated by a zero-phase low-pass filter and a
+The motion is estimated by a zero-phase low-pass filter and a
 quintic spline, whose derivatives are velocity and acceleration. Everything that is compared later, measured
 or computed, passes through the same filter, so that the filter biases nothing (parallel filtering; Gautier,
 "Dynamic identification of robots with power model", ICRA 1997).
@@ -58,7 +58,7 @@ class Motion:
         low_pass: the filter through which measured and computed torques are compared.
         motion_cutoff: cut-off of the smoother of the motion itself, higher than that of `low_pass` [Hz].
         raw_position: as recorded, resampled, shape (N, n).
-        position_channels: the channel that tells each joint's position.
+        position_channels: the channel of each joint's position.
         torque_sensors: joints whose torque was measured, not made of a current or a voltage.
         others: further recorded channels on the same grid.
         noise: standard deviation of the white noise of each of `others`.
@@ -66,11 +66,11 @@ class Motion:
         missing: of those of `others` that were not recorded at every instant, where, shape (N,).
         rate_noise: standard deviation of white noise per sample of the rates that positions are integrals
             of, shape (n,); None where all were recorded as they are.
-        derived: joints whose position no encoder tells (see `dynamics/joints_from_base.py`).
+        derived: joints without an encoder; none in a diagnosis.
         remark: how they were found.
         slowest: lowest rate at which any position or torque was sampled [Hz].
         left_out: which part of the recording is not used and why, as a clause; empty where all is.
-        drive: `torque` without the share of a motor's back-EMF that is in it where a voltage tells it.
+        drive: `torque` without the share of a motor's back-EMF that is in it where it follows from a voltage.
     """
 
     source: str
@@ -153,7 +153,7 @@ def estimate_motion(
         InputError: a joint's position is absent, or too few samples.
     """
     names = [joint.name for joint in robot.moving_joints]
-    channels = [_position_channel(robot, recording, name) for name in names]
+    channels = [_position_channel(recording, name) for name in names]
     sources = [actuator_torque(robot, recording, name)[0] for name in names]
     core = [*channels, *(source for source in sources if source)]
     clock = Clock.of(recording, core)
@@ -211,21 +211,13 @@ def estimate_motion(
     )
 
 
-#: What else tells of a joint on a free base, without and with flexible links.
-_OTHERWISE = (
-    ", or base.angular_velocity of its free base, which determines as many joints as it has axes.",
-    "; how its free base turns does not determine it, since flexible links turn the base too.",
-)
-
-
-def _position_channel(robot: Robot, recording: Recording, joint: str) -> str:
+def _position_channel(recording: Recording, joint: str) -> str:
     for quantity in ("motor_position", "position"):
         if f"{joint}.{quantity}" in recording:
             return f"{joint}.{quantity}"
     raise InputError(
         f"{recording.source or 'the recording'} has neither {joint}.position nor {joint}.motor_position; "
-        "a diagnosis needs the position of every moving joint (use --map to name its source)"
-        + (_OTHERWISE[bool(robot.flexible_links)] if robot.base.kind == "free" else ".")
+        "a diagnosis needs the position of every moving joint (use --map to name its source)."
     )
 
 
@@ -328,7 +320,7 @@ def _motion_cutoff(
 ) -> float:
     """Cut-off of the motion's smoother: as wide as the sign of the velocity allows [Hz].
 
-    What happens when a joint reverses is faster than what can be told of its torque. A wider motion keeps
+    What happens when a joint reverses is faster than what is known of its torque. A wider motion keeps
     it; the noise it lets through is taken out again by the filter that all torques pass.
     """
     speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate

@@ -141,8 +141,8 @@ class BlockedRegression:
     def covariance(self) -> Array:
         """Covariance of the coefficients by the jackknife that leaves one block out at a time, shape (k, k).
 
-        The sandwich of Liang and Zeger takes residuals for errors. Where few blocks tell a coefficient, or
-        there are many coefficients, the fit has bent itself to these errors and they look too small.
+        The sandwich of Liang and Zeger takes residuals for errors. Where few blocks determine a coefficient,
+        or there are many coefficients, the fit has bent itself to these errors and they look too small.
         """
         groups = self.gram.shape[0]
         beta = self.scaled_solution()
@@ -170,7 +170,7 @@ class BlockedRegression:
     def freedom(self, directions: Array) -> Array:
         """Degrees of freedom of the variance of `directions` (m, k) . coefficients, shape (m,).
 
-        As many as there are blocks that tell it, less one, where they tell it alike (Satterthwaite's
+        As many as there are blocks that determine it, less one, where they are alike (Satterthwaite's
         approximation for errors that are alike): one or two where a few hold nearly all that is known.
         """
         scaled = directions / self.scale
@@ -183,7 +183,7 @@ class BlockedRegression:
     def wald_p_value(self, tested: NDArray[np.int_]) -> float:
         """Probability of a departure from zero as large as this if the `tested` coefficients are zero.
 
-        One where none is tested, or too few blocks tell.
+        One where none is tested, or too few blocks determine it.
         """
         groups, m = self.gram.shape[0], tested.size
         if m == 0 or groups - m < 2:

@@ -32,7 +32,7 @@ MOST_POSES = 6000
 POSE_RATE = 60.0
 BASE_COLOUR = (150, 150, 150)
 LINK_COLOURS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (204, 121, 167), (0, 114, 178))
-#: Free runs of the models, as wires in the colours of their plots.
+#: Simulated motions of the models, as wires in the colours of their plots.
 MODELS = {"nominal": palette.BEFORE, "augmented": palette.AFTER_ON_DARK}
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class Motion:
     Attributes:
         time: instants of the poses [s], shape (N,).
         recorded: the robot as recorded.
-        models: free runs of the models where the result holds any, by name.
+        models: simulated motions of the models where the result holds any, by name.
         title: of the view: what moves, what does not, by what factor deflections are magnified.
         eye: that sees all of the motion.
     """
@@ -83,7 +83,7 @@ def motion(run: Run, robot: Robot, recording: Recording | None = None) -> Motion
 
 
 def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot, motion: Motion | None) -> None:
-    """The recorded robot as a solid, the models' free runs as wires; nothing without a motion."""
+    """The recorded robot as a solid, the models' simulated motions as wires; nothing without a motion."""
     if motion is None:
         return
     look = Look(partial(_colour, tuple(motion.recorded.poses)))

@@ -232,14 +232,14 @@ def test_what_exudyn_hides_in_a_gear_is_found_and_written(hidden: str) -> None:
     assert {use.effect for use in written.effects if use.at == "joint1"} == {"viscous_friction", *truth}
     again = simulate(written, sensors=False)
     gap_before, gap_after = (r["joint1.position"] - r["joint1.motor_position"] for r in (one, again))
-    if truth:  # the augmented robot's own run shows the gap that was recorded, but for impacts of the flanks
+    if truth:  # the written robot, simulated, shows the gap that was recorded, but for impacts of the flanks
         size = np.std(gap_before)
         assert np.std(gap_before - gap_after) < (0.35 if "backlash" in truth else 0.05) * size
 
 
 @pytest.mark.proof
 def test_a_gear_that_the_robot_file_knows_is_no_news() -> None:
-    """Under another reference than the file's, so that its own run proves nothing; one effect is missing."""
+    """One effect is missing beside the gear."""
     robot = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 8e3, "damping": 8.0})
     rub = {"effect": "coulomb_friction", "at": "joint1", "torque": 4.0}
     hidden = Robot.model_validate({**robot.model_dump(), "effects": [*robot.model_dump()["effects"], rub]})

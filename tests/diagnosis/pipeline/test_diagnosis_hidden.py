@@ -49,7 +49,7 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
             # what is left is what the sensors' noise leaves; a few independent seconds know it to 20 %
             assert channel.after.validation_rms < 1.4 * channel.noise_floor
         else:
-            # free runs: errors of the numbers add to the noise, so only that they follow closely is sure
+            # between encoders: errors of the numbers add to the noise, so only a clear fall is sure
             assert channel.after.validation_rms < max(0.2 * channel.before.validation_rms, 4e-5)
     joint = case.at.replace("link", "joint").split(".")[0]
     assert joint in {m.location for m in found.mismatch}
