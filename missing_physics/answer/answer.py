@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from missing_physics.answer.augmented import augmented
-from missing_physics.answer.findings import Answer, answer_of, is_large
+from missing_physics.answer.findings import Answer, answer_of, is_large, of_bodies
 from missing_physics.answer.guard import guarded
-from missing_physics.answer.load import with_load
+from missing_physics.answer.load import carried
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
@@ -17,7 +17,6 @@ from missing_physics.hypotheses import TIMING
 from missing_physics.inference import Data, search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
-from missing_physics.inference.loads import loads
 from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
@@ -62,9 +61,9 @@ def answered(
     found = search(data, progress)
     data = found.data
     known = weighed(found)
-    carried = loads(data, known.answer, found.shares)
-    safe = with_load(found, known.answer, carried) or guarded(data, known.answer, found.standard)
-    answer = answer_of(data, known, safe.fit, carried)
+    load = carried(found, known.answer)
+    safe = (load.safe if load else None) or guarded(data, known.answer, found.standard)
+    answer = answer_of(data, known, safe.fit, of_bodies(data, load.fit, load.loads) if load else ())
     late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
     every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
     rows = compared_rows(data)

@@ -14,17 +14,19 @@ from missing_physics.answer.adequacy import adequacies
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
-from missing_physics.inference.loads import Load
+from missing_physics.inference.loads import Load, is_on_body
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard.model import EFFECTS
-from reference_model.effects.base import BodyEffect, JointEffect, Parameter
+from reference_model.effects.base import JointEffect, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint, Robot
 
-__all__ = ["STATED", "Answer", "answer_of", "is_large"]
+__all__ = ["STATED", "Answer", "answer_of", "is_large", "of_bodies"]
 
 Array = NDArray[np.float64]
+#: A finding, and the energy that it explains.
+Weighty = tuple[Finding, float]
 
 #: Quantile of the 95 % interval.
 QUANTILE = 1.96
@@ -59,24 +61,23 @@ class Answer:
     named: dict[tuple[str, str], dict[str, float]]
 
 
-def answer_of(data: Data, known: Posterior, fit: Fit, carried: Sequence[Load] = ()) -> Answer:
+def answer_of(data: Data, known: Posterior, fit: Fit, bodies: Sequence[Weighty] = ()) -> Answer:
     """The answer from the weighed hypotheses.
 
     Args:
         data: the rows.
         known: the hypotheses.
         fit: the stated one.
-        carried: what bodies off the robot file's are due to.
+        bodies: findings about bodies (`of_bodies`).
     """
     robot = data.standard.nominal
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce) or term.is_given:
             continue
-        if any(term.at in load.bodies for load in carried) and isinstance(term.effect, BodyEffect):
-            found.append(_of_body(data, fit, term, carried))
+        if bodies and is_on_body(term.effect):
             continue
-        probability = _chance(known, term)
+        probability = _chance(data, known, term)
         if probability > STATED or (probability >= RIVAL and _rivals(data, known, fit, term)):
             found.append(_of_term(data, known, fit, term, probability))
     named: dict[tuple[str, str], dict[str, float]] = {}
@@ -89,6 +90,9 @@ def answer_of(data: Data, known: Posterior, fit: Fit, carried: Sequence[Load] = 
         named[finding.effect, finding.location] = {k: e.value for k, e in finding.parameters.items()}
     timing = () if large else tuple(_timing(data, fit))
     weight = {(f.effect, f.location): _removed(data, fit, f) for f in found}
+    for finding, energy in bodies:
+        found.append(finding)
+        weight[finding.effect, finding.location] = energy
     found.sort(key=lambda f: -weight[f.effect, f.location])
     right = adequacies(data, fit)
     found = [replace(f, probability=right(f.location) * min(f.probability, 1.0)) for f in found]
@@ -96,10 +100,17 @@ def answer_of(data: Data, known: Posterior, fit: Fit, carried: Sequence[Load] = 
     return Answer(fit, tuple(found), changes, timing, named)
 
 
-def _chance(known: Posterior, term: Term) -> float:
-    """Probability of an effect, or of one of a higher rung of its family."""
+def _chance(data: Data, known: Posterior, term: Term) -> float:
+    """Probability of an effect, of a higher rung of its family, or of a delay that is stated as it."""
     family = term.effect.family
-    return known.of_family(term.at, family, term.effect.rung) if family else known.probability(term.key)
+    if family:
+        return known.of_family(term.at, family, term.effect.rung)
+    late = sum(
+        float(weight)
+        for fit, weight in zip(known.fits, known.weights)
+        if term.key not in _keys(fit) and term.key in set(_delays(data, fit))
+    )
+    return known.probability(term.key) + late
 
 
 def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
@@ -125,6 +136,13 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
     )
 
 
+def of_bodies(data: Data, fit: Fit, carried: Sequence[Load]) -> tuple[Weighty, ...]:
+    """Findings about the bodies of a fit, with the energy that they explain (`_removed`)."""
+    terms = [term for term in fit.hypothesis.terms if is_on_body(term.effect)]
+    found = (_of_body(data, fit, term, carried) for term in terms)
+    return tuple((finding, _removed(data, fit, finding)) for finding in found)
+
+
 def _of_body(data: Data, fit: Fit, term: Term, carried: Sequence[Load]) -> Finding:
     """A load on a link, or wrong mass properties of it."""
     probable: dict[tuple[str, str], float] = {}
@@ -135,12 +153,18 @@ def _of_body(data: Data, fit: Fit, term: Term, carried: Sequence[Load]) -> Findi
     named = {other.key for other in fit.hypothesis.terms}
     rivals = [(key, p) for key, p in probable.items() if key not in named and key[0] and p >= RIVAL]
     rivals.sort(key=lambda one: -one[1])
+    columns = [data.columns(term, run)[:, :, 1:] for run in range(data.fitted)]
+    felt = np.any([own.any(axis=(0, 1)) for own in columns], axis=0)
     why = "the bodies that the recordings determine differ from the robot file in another way"
     return Finding(
         effect=term.effect.id,
         location=term.at,
         probability=probable[term.key],
-        parameters={p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free},
+        parameters={
+            p.name: _estimate(data, fit, term, p, term.parameters[p.name])
+            for p, acts in zip(term.free, felt)
+            if acts
+        },
         ambiguous_with=tuple(_label(key, term.at) for key, _ in rivals),
         alternatives=tuple(Alternative(effect, at, p, why) for (effect, at), p in rivals),
     )

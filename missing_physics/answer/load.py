@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,18 +12,36 @@ from missing_physics.hypotheses import BODIES, Term
 from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
 from missing_physics.inference.ledger import Search
-from missing_physics.inference.loads import Load, without_bodies
+from missing_physics.inference.loads import Load, loads, without_bodies
 from reference_model.effects.catalogue import get_effect
 
-__all__ = ["with_load"]
+__all__ = ["Carried", "carried"]
 
 
-def with_load(found: Search, best: Fit, carried: Sequence[Load]) -> Guarded | None:
-    """The answer with the load or the wrong bodies that are more probable than none.
+@dataclass(frozen=True)
+class Carried:
+    """What bodies off the robot file's are due to.
 
-    None where none are, and where the standard model predicts a joint better.
+    Attributes:
+        loads: the explanations.
+        fit: the most probable hypothesis with the most probable of them.
+        safe: the same as the answer, None where the standard model predicts a joint better.
     """
-    named = [load for load in carried if load.effect]
+
+    loads: tuple[Load, ...]
+    fit: Fit
+    safe: Guarded | None
+
+
+def carried(found: Search, best: Fit) -> Carried | None:
+    """The load or the wrong bodies, if more probable than a file that is off as a whole.
+
+    Args:
+        found: the search.
+        best: the most probable hypothesis.
+    """
+    explained = loads(found.data, best, found.shares)
+    named = [load for load in explained if load.effect]
     if not named or sum(load.probability for load in named) <= STATED:
         return None
     top = named[0]
@@ -36,4 +53,4 @@ def with_load(found: Search, best: Fit, carried: Sequence[Load]) -> Guarded | No
     except np.linalg.LinAlgError:
         return None
     safe = guarded(found.data, fit, found.standard)
-    return safe if safe.fit is fit else None
+    return Carried(explained, fit, safe if safe.fit is fit else None)

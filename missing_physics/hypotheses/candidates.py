@@ -34,8 +34,10 @@ AT_COUPLED = frozenset({"viscous_friction", "coulomb_friction"})
 KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
 #: Effects of a torque sensor. It has no disc; its offset is the actuator's and its delay is in the timing.
 AT_TORQUE = frozenset({"sensor_gain", "clock_drift"})
-#: Effects of an encoder. A late one is reported as a torque that is early by as much.
-AT_POSITION = frozenset({"sensor_gain", "sensor_offset", "clock_drift", "encoder_eccentricity"})
+#: Effects of an encoder. At a single joint a late one is a torque that is early by as much.
+AT_POSITION = frozenset(
+    {"sensor_gain", "sensor_offset", "sensor_delay", "clock_drift", "encoder_eccentricity"}
+)
 #: Starting value of the ratio of static to kinetic friction: a textbook value.
 STATIC = 1.3
 

@@ -37,10 +37,10 @@ from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.problem import Problem
 from missing_physics.standard.layout import length_of
-from reference_model.effects.base import BodyEffect
+from reference_model.effects.base import BodyEffect, Effect
 from robot_model import Robot
 
-__all__ = ["Load", "loads", "without_bodies"]
+__all__ = ["Load", "is_on_body", "loads", "without_bodies"]
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class Load:
 
 def without_bodies(hypothesis: Hypothesis) -> Hypothesis:
     """The hypothesis with all bodies estimated, and without effects on single ones."""
-    terms = tuple(t for t in hypothesis.terms if not _is_on_body(t.effect))
+    terms = tuple(t for t in hypothesis.terms if not is_on_body(t.effect))
     return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES})
 
 
@@ -128,7 +128,8 @@ def loads(data: Data, fit: Fit, shares: Array) -> tuple[Load, ...]:
     return tuple(sorted(made, key=lambda one: -one.probability))
 
 
-def _is_on_body(effect: object) -> bool:
+def is_on_body(effect: Effect) -> bool:
+    """Whether an effect changes the mass properties of a link."""
     return isinstance(effect, BodyEffect) and effect.place == "link"
 
 

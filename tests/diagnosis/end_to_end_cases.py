@@ -42,6 +42,7 @@ class Case:
 
     Attributes:
         told: parameters whose true values shall be inside their intervals.
+        twins: other labels that are the same along these motions.
         improvement: least fall of the held-out error that shows that it was modelled.
     """
 
@@ -51,6 +52,7 @@ class Case:
     improvement: float
     known: tuple[EffectUse, ...] = ()
     told: tuple[str, ...] = field(default=())
+    twins: tuple[str, ...] = ()
 
     @property
     def hidden(self) -> EffectUse:
@@ -108,9 +110,21 @@ CASES = {
         told=("gear_share",),
     ),
     "payload": Case("payload", "link2", {"mass": 0.6, "x": 0.4, "y": 0.0, "z": 0.0}, 0.9),
-    "torque gain": Case("torque_gain", "joint1", {"gain_error": 0.05}, 0.8),
-    "torque sensor gain": Case("sensor_gain", "joint1.torque", {"gain_error": 0.05}, 0.8),
-    "torque sensor delay": Case("sensor_delay", "joint1.torque", {"delay": 0.005}, 0.4, told=("delay",)),
+    "torque gain": Case(
+        "torque_gain",
+        "joint1",
+        {"gain_error": 0.05},
+        0.8,
+        twins=("sensor_gain@joint1.torque", "sensor_gain@joint2.torque", "torque_gain@joint2"),
+    ),
+    "torque sensor delay": Case(
+        "sensor_delay",
+        "joint1.torque",
+        {"delay": 0.005},
+        0.4,
+        told=("delay",),
+        twins=("actuator_lag@joint2",),
+    ),
     "torque sensor clock": Case("clock_drift", "joint2.torque", {"rate": 7e-4}, 0.2, told=("rate",)),
 }
 QUICK = Options(experiments=False)

