@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from missing_physics.answer.augmented import augmented
+from missing_physics.answer.experiments import separating
 from missing_physics.answer.findings import Answer, answer_of, is_large, of_bodies
 from missing_physics.answer.guard import guarded
 from missing_physics.answer.load import carried
@@ -19,7 +20,7 @@ from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
 from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Errors
-from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
+from missing_physics.results.result import ChannelFit, Diagnosis, Experiment, Fit, Result, Rung, Verdict
 from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
 from missing_physics.standard.bending import model_of
@@ -38,6 +39,7 @@ def answered(
     validation: Sequence[Recording],
     *,
     cutoff: float | None = None,
+    experiments: int | None = None,
     progress: Said,
 ) -> tuple[Result, tuple[Recording, ...]]:
     """The diagnosis before errors of robot files are compared, and the recordings corrected for delays.
@@ -47,6 +49,7 @@ def answered(
         recordings: those that are fitted.
         validation: those that are only predicted; a quarter of each recording is held out when empty.
         cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
+        experiments: seed of the motions that are designed for what is ambiguous; none are when None.
         progress: called with a phrase whenever something new is tried.
 
     Raises:
@@ -67,6 +70,11 @@ def answered(
     late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
     every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
     rows = compared_rows(data)
+    needed: tuple[Experiment, ...] = ()
+    motions: dict[str, str] = {}
+    if experiments is not None and any(f.ambiguous_with for f in answer.findings):
+        progress("designing motions")
+        needed, motions = separating(data, known, answer.findings, seed=experiments)
     progress("locating the mismatch")
     mismatch = located(data, robot, every, rows)
     beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
@@ -88,6 +96,7 @@ def answered(
         mismatch=beyond,
         findings=answer.findings,
         fit=_fit(data, rows, robot),
+        experiments=needed,
         unnamed=tuple(unnamed(data, known, answer.fit)),
         could_not_tell=(*_dismissed(found, answer), _not_searched()),
         nominal_parameters=answer.changes,
@@ -101,6 +110,7 @@ def answered(
             ladder=tuple(_rung(found, step) for step in found.steps),
             augmented_robot_toml=robot_to_toml(file),
             rows=rows,
+            experiment_motions=motions,
         ),
         every,
     )

@@ -22,7 +22,7 @@ from reference_model.effects.base import JointEffect, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint, Robot
 
-__all__ = ["STATED", "Answer", "answer_of", "is_large", "of_bodies"]
+__all__ = ["STATED", "Answer", "answer_of", "is_large", "keys_of", "of_bodies"]
 
 Array = NDArray[np.float64]
 #: A finding, and the energy that it explains.
@@ -431,6 +431,11 @@ def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float
     best, unseen = others[0], ~data.seen
     before, after = (np.sqrt((f.errors[unseen].sum(axis=0) / fit.sigma**2).sum()) for f in (best, fit))
     return float(1.0 - after / before) if before > 0.0 else 0.0
+
+
+def keys_of(data: Data, fit: Fit) -> set[tuple[str, str]]:
+    """Effects and places of a fit, delays that are stated as effects included."""
+    return {*_keys(fit), *_delays(data, fit)}
 
 
 def _keys(fit: Fit) -> set[tuple[str, str]]:

@@ -96,7 +96,14 @@ def _weighed(
 ) -> Result:
     """The diagnosis of the torques, compared with the standard model."""
     try:
-        found, punctual = answered(robot, used[:fitted], used[fitted:], cutoff=options.cutoff, progress=tell)
+        found, punctual = answered(
+            robot,
+            used[:fitted],
+            used[fitted:],
+            cutoff=options.cutoff,
+            experiments=options.seed if options.experiments else None,
+            progress=tell,
+        )
     except np.linalg.LinAlgError:
         raise InputError(
             f"the recordings do not determine the parameters of robot '{robot.name}'; record a faster motion "

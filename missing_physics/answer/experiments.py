@@ -1,0 +1,193 @@
+"""Motions that would separate explanations that the recordings cannot.
+
+Along motions within the robot's limits, drawn at random and then improved by small random changes, the
+two fitted hypotheses predict the torques. What counts is the part of their difference that the rival
+cannot imitate by other numbers: with d the difference in units of the residual, X the derivatives of the
+rival's prediction by its parameters and H the information that the recordings have about these,
+
+    min over c of 1/2 |d - X c|^2 + 1/2 c^T H c
+
+is the evidence that a recording of the motion is expected to add, in nats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.answer.findings import keys_of
+from missing_physics.answer.multisine import Limits, MultiSines, as_csv
+from missing_physics.inference import Data, Fit, Posterior
+from missing_physics.inference.fit import contributions
+from missing_physics.results.result import Experiment, Finding
+from reference_model.effects.catalogue import get_effect
+from robot_model import Recording
+
+__all__ = ["separating"]
+
+Array = NDArray[np.float64]
+
+#: Length of a motion [s].
+LENGTH = 20.0
+#: Motions that are drawn, and changes of the best one that are tried at each of these spreads.
+DRAWN, TRIED, SPREADS = 12, 4, (0.5, 0.25)
+#: Most pairs for which a motion is designed, in the order of the findings.
+PAIRS = 3
+#: Expected evidence that separates two explanations [nats]: odds of one in twenty.
+ENOUGH = 3.0
+#: Part of the largest torque of an actuator that a motion may need.
+MARGIN = 0.9
+
+
+def separating(
+    data: Data, known: Posterior, findings: Sequence[Finding], *, seed: int
+) -> tuple[tuple[Experiment, ...], dict[str, str]]:
+    """An experiment for each pair that cannot be told apart, and the motions as CSV text by file name.
+
+    Args:
+        data: the rows.
+        known: the hypotheses.
+        findings: with the rivals that they are ambiguous with.
+        seed: of the motions that are drawn.
+    """
+    pairs = list(_pairs(data, known, findings))
+    if not pairs:
+        return (), {}
+    chance = np.random.default_rng(seed)
+    designed = [pair for pair in pairs if pair.fits is not None][: 0 if data.bends else PAIRS]
+    tried = _Tried.of(
+        data, [MultiSines.drawn(len(data.joints), chance) for _ in range(DRAWN)] if designed else []
+    )
+    found, motions = [], dict[str, str]()
+    for pair in pairs:
+        if pair not in designed or pair.fits is None:
+            found.append(_without_motion(pair))
+            continue
+        score, best = tried.best(data, *pair.fits)
+        for spread in SPREADS:
+            near = _Tried.of(data, [best.near(spread, chance) for _ in range(TRIED)])
+            other, changed = near.best(data, *pair.fits)
+            score, best = max((score, best), (other, changed), key=lambda one: one[0])
+        name = f"experiment_{len(motions) + 1}.csv" if score >= ENOUGH else None
+        if name is not None:
+            time = np.arange(0.0, LENGTH, 1.0 / _rate(data))
+            motions[name] = as_csv(data.joints, time, best.positions(time, _limits(data)))
+        found.append(_with_motion(pair, score, name))
+    return tuple(found), motions
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """A finding and a rival, with the best hypothesis that has the one and not the other, each way round."""
+
+    effect: str
+    rival: str
+    fits: tuple[Fit, Fit] | None
+
+
+def _pairs(data: Data, known: Posterior, findings: Sequence[Finding]) -> Iterator[_Pair]:
+    seen: set[frozenset[tuple[str, str]]] = set()
+    for finding in findings:
+        own = finding.effect, finding.location
+        for label in finding.ambiguous_with:
+            effect, _, place = label.partition("@")
+            other = effect, place or finding.location
+            if frozenset((own, other)) in seen:
+                continue
+            seen.add(frozenset((own, other)))
+            one, two = (_best(data, known, *pair) for pair in ((own, other), (other, own)))
+            yield _Pair(own[0], effect, None if one is None or two is None else (one, two))
+
+
+def _best(data: Data, known: Posterior, has: tuple[str, str], lacks: tuple[str, str]) -> Fit | None:
+    """The most probable hypothesis that has one effect and lacks the other."""
+    fits = (fit for fit in known.fits if has in keys_of(data, fit) and lacks not in keys_of(data, fit))
+    return next(fits, None)
+
+
+def _rate(data: Data) -> float:
+    """Samples per second of a motion: enough for the filter of the positions."""
+    motion = data.runs[0].motion
+    return float(min(motion.sampling, 8.0 * motion.smoothing))
+
+
+def _limits(data: Data) -> Limits:
+    motions = [run.motion for run in data.runs[: data.fitted]]
+    position = np.concatenate([motion.position for motion in motions])
+    velocity = np.concatenate([motion.velocity for motion in motions])
+    return Limits.of(data.standard.nominal.moving_joints, position, velocity)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """Motions, and the rows along them."""
+
+    motions: tuple[MultiSines, ...]
+    rows: Data | None
+
+    @classmethod
+    def of(cls, data: Data, motions: Sequence[MultiSines]) -> _Tried:
+        if not motions:
+            return cls((), None)
+        time = np.arange(0.0, LENGTH, 1.0 / _rate(data))
+        recordings = []
+        for motion in motions:
+            positions = motion.positions(time, _limits(data))
+            channels = {f"{joint}.position": positions[:, k] for k, joint in enumerate(data.joints)}
+            driven = {f"{joint}.torque": np.ones(time.size) for joint in data.joints}
+            recordings.append(Recording(time, {**channels, **driven}, "a motion that was drawn"))
+        return cls(tuple(motions), Data.of(data.standard, recordings))
+
+    def best(self, data: Data, one: Fit, rival: Fit) -> tuple[float, MultiSines]:
+        """The motion with the most expected evidence for one fit against its rival, and that [nats]."""
+        scores = [self._evidence(data, number, one, rival) for number in range(len(self.motions))]
+        top = int(np.argmax(scores))
+        return scores[top], self.motions[top]
+
+    def _evidence(self, data: Data, number: int, one: Fit, rival: Fit) -> float:
+        assert self.rows is not None
+        rows = self.rows
+        predicted = contributions(rows, one, number)
+        drives = [drive.actuator for drive in data.standard.nominal.drives]
+        limits = np.array(
+            [drive.torque_limit if drive and drive.torque_limit else np.inf for drive in drives]
+        )
+        if np.any(np.abs(predicted) > MARGIN * limits):
+            return 0.0
+        size = np.hypot(rival.sigma, data.error)
+        apart = (predicted - contributions(rows, rival, number)) / size
+        columns = [rows.designs[number], *(rows.columns(t, number)[:, :, 1:] for t in rival.hypothesis.terms)]
+        whole = np.concatenate(columns, axis=2)[:, :, rival.layout.free] / size[:, None]
+        flat, aim = whole.reshape(-1, whole.shape[2]), apart.ravel()
+        gram = flat.T @ flat + rival.hessian
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        imitated = np.linalg.lstsq(gram * np.outer(scale, scale), scale * (flat.T @ aim), rcond=1e-12)[0]
+        left = float(aim @ aim - (flat.T @ aim) @ (scale * imitated))
+        return max(0.5 * left * _share(data), 0.0) if np.isfinite(left) else 0.0
+
+
+def _share(data: Data) -> float:
+    """Ratio of independent samples to rows: a low-pass passes two in a period of its cut-off."""
+    motion = data.runs[0].motion
+    time = data.runs[0].rows.time
+    return float(min(1.0, 2.0 * motion.cutoff * (time[1] - time[0])))
+
+
+def _without_motion(pair: _Pair) -> Experiment:
+    ways = dict.fromkeys(get_effect(effect).experiment for effect in (pair.effect, pair.rival))
+    why = "no motion was designed: joint torques alone do not separate them, or other pairs came first"
+    return Experiment((pair.effect, pair.rival), "; or ".join(ways), why)
+
+
+def _with_motion(pair: _Pair, score: float, name: str | None) -> Experiment:
+    way, both = get_effect(pair.effect).experiment, (pair.effect, pair.rival)
+    if name is None:
+        do = f"{way}. No motion within the limits was found that separates them by joint torques alone"
+        why = f"on the best of the motions that were tried the expected evidence is {score:.2g} nats"
+        return Experiment(both, do, why)
+    do = f"run the reference motion in {name} and diagnose again with both recordings; or {way}"
+    why = f"along it the expected evidence for one against the other is {score:.3g} nats"
+    return Experiment(both, do, why, name)

@@ -1,0 +1,59 @@
+"""Motions that would separate what a recording cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from missing_physics.diagnosis import Options, Result, diagnose
+from missing_physics.recordings import load_recording
+from reference_model.simulation import simulate
+from robot_model import EffectUse, Robot, load_robot
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    robot = load_robot("two_link_arm")
+    assert robot.reference is not None
+    reference = robot.reference.model_copy(update={"duration": 12.0, "sample_rate": 250.0})
+    return robot.model_copy(update={"reference": reference})
+
+
+def diagnosed(arm: Robot, *, experiments: bool = True, **use: object) -> Result:
+    made = simulate(arm.with_effects(EffectUse.model_validate(use)), seed=1)
+    return diagnose(arm, [made], options=Options(experiments=experiments))
+
+
+def test_a_motion_is_designed_within_the_limits_where_one_separates(arm: Robot, tmp_path: Path) -> None:
+    """One joint's torque is late, or the other's is early."""
+    result = diagnosed(arm, effect="sensor_delay", at="joint1.torque", delay=0.005)
+    [experiment] = result.diagnosis.experiments
+    assert set(experiment.separates) == {"sensor_delay", "actuator_lag"}
+    assert experiment.motion is not None
+    path = tmp_path / experiment.motion
+    path.write_text(result.experiment_motions[experiment.motion])
+    motion = load_recording(path)
+    assert set(motion) == {"joint1.reference_position", "joint2.reference_position"}
+    for joint in arm.joints:
+        position = motion[f"{joint.name}.reference_position"]
+        assert joint.velocity_limit is not None
+        assert np.abs(np.gradient(position, motion.time)).max() <= joint.velocity_limit
+        assert position[0] == pytest.approx(joint.initial_position, abs=1e-9)
+
+
+def test_no_motion_is_promised_where_none_separates(arm: Robot) -> None:
+    """Gravity tilted in the plane of the arm acts as an offset of the first encoder does."""
+    result = diagnosed(arm, effect="gravity", at="base", x=0.3, y=0.0, z=0.0)
+    [experiment] = result.diagnosis.experiments
+    assert set(experiment.separates) == {"gravity", "sensor_offset"}
+    assert experiment.motion is None
+    assert result.experiment_motions == {}
+    assert "No motion within the limits was found" in experiment.do
+
+
+def test_none_are_designed_unless_asked(arm: Robot) -> None:
+    result = diagnosed(arm, experiments=False, effect="sensor_delay", at="joint1.torque", delay=0.005)
+    assert result.diagnosis.verdict == "ambiguous"
+    assert result.diagnosis.experiments == ()
