@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from missing_physics.answer.adequacy import adequacies
+from missing_physics.answer.bodies import Load, is_on_body
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
-from missing_physics.inference.loads import Load, is_on_body
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard.model import EFFECTS

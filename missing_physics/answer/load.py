@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from missing_physics.answer.bodies import Load, loads, without_bodies
 from missing_physics.answer.findings import STATED
 from missing_physics.answer.guard import Guarded, guarded
 from missing_physics.hypotheses import BODIES, Term
 from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
 from missing_physics.inference.ledger import Search
-from missing_physics.inference.loads import Load, loads, without_bodies
 from reference_model.effects.catalogue import get_effect
 
 __all__ = ["Carried", "carried"]

@@ -94,7 +94,7 @@ def candidates(
     """Every effect that the recordings could show, with each of its sets of starting values.
 
     Effects on links are candidates where links bend and the hypothesis takes the bodies from the file; those
-    of rigid links follow from the estimated bodies (`missing_physics.inference.loads`). Friction laws of the
+    of rigid links follow from the estimated bodies (`missing_physics.answer.bodies`). Friction laws of the
     robot file are candidates with the file's values where the hypothesis lacks them, and with one or all of
     their parameters estimated where it has them.
 

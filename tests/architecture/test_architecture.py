@@ -49,6 +49,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics.answer": (
         "robot_model",
         "reference_model",
+        "missing_physics.bodies",
         "missing_physics.checks",
         "missing_physics.hypotheses",
         "missing_physics.inference",

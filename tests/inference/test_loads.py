@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from missing_physics.answer.bodies import _Known, _point_mass
 from missing_physics.diagnosis import Diagnosis, Options, diagnose
-from missing_physics.inference.loads import _Known, _point_mass
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Link, Robot, load_robot
 
