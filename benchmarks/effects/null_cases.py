@@ -39,8 +39,6 @@ CASES = EVIDENCE.parent / "null_cases"
 #: Seeds of the scoring; development has used others, and 1000 to 1039 and 5000 to 5039 were scored before.
 FIRST_SEED, NUMBER, UNKNOWN = 6000, 40, 10
 PROCESSES = 2
-#: Began the note of a diagnosis that the robot's own run had decided, in an earlier program.
-OWN_RUN = "The nominal robot's own run"
 #: Quantile of the standard normal for 95 % intervals.
 NORMAL_95 = 1.959964
 #: What the project wants: at most this part of the cases with a false finding.
@@ -72,7 +70,6 @@ class Case:
     program: str
     verdict: str
     named: tuple[str, ...]
-    own_run: bool
     seconds: float
 
     @property
@@ -155,8 +152,7 @@ def _run(key: Key) -> Case:
         recording = replace(recording, channels=kept)
     diagnosis = diagnose(robot, [recording], options=Options(experiments=False)).diagnosis
     named = tuple(f"{f.effect} at {f.location} ({f.probability:.3g})" for f in diagnosis.findings)
-    own_run = any(note.startswith(OWN_RUN) for note in diagnosis.notes)
-    return Case(name, seed, unknown, program(), diagnosis.verdict, named, own_run, monotonic() - began)
+    return Case(name, seed, unknown, program(), diagnosis.verdict, named, monotonic() - began)
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
@@ -196,7 +192,7 @@ def _table(cases: Sequence[Case]) -> str:
     rows = [_row(robot, [c for c in cases if c.robot == robot]) for robot in robots]
     headings = [
         *("robot", "recordings:", "with a false finding:", "95 % interval", "other false alarms:"),
-        *("decided by the robot's own run:", "seconds per case:"),
+        "seconds per case:",
     ]
     return table(headings, [*rows, _row("all", cases)])
 
@@ -225,8 +221,7 @@ def _row(name: str, cases: Sequence[Case]) -> list[str]:
     low, high = wilson(false, len(cases))
     seconds = float(np.mean([case.seconds for case in cases]))
     interval = f"{percent(low, 1)} to {percent(high, 1)}"
-    own = sum(case.own_run for case in cases)
-    return [name, str(len(cases)), str(false), interval, str(other), str(own), f"{seconds:.1f}"]
+    return [name, str(len(cases)), str(false), interval, str(other), f"{seconds:.1f}"]
 
 
 def _alarms(cases: Sequence[Case]) -> Iterator[str]:

@@ -1,1 +1,1 @@
-"""Inertial parameters of bodies: whether they are physically consistent, and writing them to a robot file."""
+"""Inertial parameters of bodies, and whether they are physically consistent."""

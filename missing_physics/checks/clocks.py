@@ -123,14 +123,6 @@ class Clock:
             return np.asarray(make_interp_spline(source[good], values[good], k=3)(inside))
         return np.asarray(np.interp(time, source[good], values[good]))
 
-    def missing(self, channel: str) -> NDArray[np.bool_]:
-        """Instants further than half a sample time from every recorded number of `channel`."""
-        time = self.time
-        given = self.recording.time[np.isfinite(self.recording[channel])]
-        after = np.clip(np.searchsorted(given, time), 1, given.size - 1)
-        apart = np.minimum(np.abs(time - given[after - 1]), np.abs(given[after] - time))
-        return np.asarray(apart > 0.5 * (1 + JITTER) * (time[1] - time[0]))
-
 
 def _covered(time: Array, good: NDArray[np.bool_], period: float) -> NDArray[np.bool_]:
     """Instants between two numbers of a channel that are close compared with its sample time."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.evaluation import Band
 from missing_physics.standard import Sample
 
-__all__ = ["Rows", "fitted_channels", "held_joints"]
+__all__ = ["Rows", "fitted_channels"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -67,9 +67,3 @@ def fitted_channels(rows: Sequence[Rows]) -> frozenset[str]:
         for k, channel in enumerate(own.channels)
         if (own.counted[:, k] & ~own.held_out).any()
     )
-
-
-def held_joints(rows: Sequence[Rows]) -> frozenset[str]:
-    """Joints whose torque is recorded but has no counted fitted sample."""
-    recorded = {channel for own in rows for channel in own.channels if channel.endswith(".torque")}
-    return frozenset(channel.removesuffix(".torque") for channel in recorded - fitted_channels(rows))

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from reference_model.codegen.batched import Batched
-from reference_model.codegen.compiled import EARNS_AFTER, compiled
 from reference_model.dynamics.balance import centre_of_mass
 from reference_model.dynamics.equations import solve_spd
 from reference_model.dynamics.symbolic import Motion, SymbolicRobot
@@ -23,18 +22,12 @@ from reference_model.kinematics.quintic import between
 from reference_model.kinematics.spatial import quaternion_rate, rotation_from_quaternion
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
+from reference_model.passive.marching import FASTER, Marching
 from robot_model import InputError, Robot
 
 __all__ = ["PassiveMotion"]
 
 Array = NDArray[np.float64]
-
-#: Runge-Kutta steps are so short that the fastest mode turns by less than this in one [rad]: its phase then
-#: errs by 1e-5 of a turn per turn.
-PHASE_STEP = 0.3
-
-#: A mode of a robot that has moved away from its first pose is faster than there by up to about this factor.
-FASTER = 1.5
 
 #: Samples per call of the accumulated step.
 BLOCK = 256
@@ -70,8 +63,7 @@ class PassiveMotion:
         outputs = [ca.densify(value) for value in (twist, acceleration)]
         self._rate = ca.Function("rate", inputs, [ca.densify(rate)], {"cse": True})
         self._result = Batched(ca.Function("result", inputs, outputs, {"cse": True}))
-        self._marches: dict[tuple[int, bool], ca.Function] = {}
-        self._seen = 0
+        self._blocks = Marching(self._rate, self._interval, BLOCK)
 
     def along(
         self,
@@ -145,7 +137,7 @@ class PassiveMotion:
         if steps < 1:
             return start[None]
         fastest = self._fastest(start, joints[0], constants)
-        march = self._marching(float(np.diff(time).max()) * fastest, steps)
+        march = self._blocks.over(float(np.diff(time).max()) * fastest, steps)
         blocks = -(-steps // BLOCK)
         padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
         lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays
@@ -168,16 +160,6 @@ class PassiveMotion:
         stiffness = np.zeros_like(matrix)
         stiffness[base:, base:] = self.tree.elasticity(beams)[0]
         return FASTER * float(np.sqrt(max(eigh(stiffness, matrix, eigvals_only=True)[-1], 0.0)))
-
-    def _marching(self, turning: float, steps: int) -> ca.Function:
-        """`BLOCK` intervals, in each of which the fastest mode turns by at most `turning` [rad]."""
-        parts = max(1, int(np.ceil(turning / PHASE_STEP)))
-        self._seen += 4 * parts * steps
-        often = self._seen >= EARNS_AFTER
-        if (parts, often) not in self._marches:
-            rate = compiled([self._rate]).functions[0] if often else self._rate
-            self._marches[parts, often] = self._interval(rate, parts).mapaccum(BLOCK)
-        return self._marches[parts, often]
 
     def _interval(self, rate: ca.Function, parts: int) -> ca.Function:
         """State, [elapsed; length], both ends' joint motion, constants -> state one interval later."""

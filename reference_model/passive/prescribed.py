@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag, eigh
 
 from reference_model.codegen.batched import BLOCK, Batched
-from reference_model.codegen.compiled import EARNS_AFTER, compiled
 from reference_model.codegen.kept import kept
 from reference_model.dynamics.balance import momentum
 from reference_model.dynamics.equations import solve_spd
@@ -25,7 +24,7 @@ from reference_model.dynamics.symbolic import Motion, SymbolicRobot
 from reference_model.flexible import FlexibleBody
 from reference_model.kinematics.quintic import between
 from reference_model.kinematics.spatial import quaternion_from_rpy, quaternion_rate, rotation_from_quaternion
-from reference_model.passive.nominal import FASTER, PHASE_STEP
+from reference_model.passive.marching import FASTER, Marching
 from reference_model.plant.truth import truth_of
 from robot_model import InputError, Recording, Robot
 
@@ -93,9 +92,8 @@ class _Passive:
         self._joint = [ca.SX.sym(name, self.count) for name in ("q", "qd", "qdd")]
         inputs = [self._time, self._state, ca.vertcat(*self._joint)]
         rate, watched = self._equations()
-        self._marches: dict[tuple[int, bool], ca.Function] = {}
-        self._seen = 0
         self._rate = ca.Function("rate", inputs, [ca.densify(rate)], {"cse": True})
+        self._blocks = Marching(self._rate, self._interval, BLOCK)
         self._watch = Batched(ca.Function("watch", inputs, watched, {"cse": True}))
 
     def _motion(self, parts: list[ca.SX], base: ca.SX, inner: ca.SX) -> Motion:
@@ -195,7 +193,7 @@ class _Passive:
         if steps < 1 or not self.edges[-1]:
             return np.repeat(found[0], len(time), axis=0)
         fastest = self._fastest(joints[0])
-        march = self._marching(float(np.diff(time).max()) * fastest, steps)
+        march = self._blocks.over(float(np.diff(time).max()) * fastest, steps)
         padding = -steps % BLOCK
         ends = np.pad(np.hstack([joints[:-1], joints[1:]]), ((0, padding), (0, 0)), mode="edge")
         spans = np.column_stack([time[:-1], np.diff(time)])
@@ -205,16 +203,6 @@ class _Passive:
             rows = slice(first, first + BLOCK)
             found.append(march(found[-1][-1], spans[rows].T, ends[rows].T).full().T)
         return np.vstack(found)[: len(time)]
-
-    def _marching(self, turning: float, steps: int) -> ca.Function:
-        """`BLOCK` intervals, in each of which the fastest mode turns by at most `turning` [rad]."""
-        parts = max(1, int(np.ceil(turning / PHASE_STEP)))
-        self._seen += 4 * parts * steps
-        often = self._seen >= EARNS_AFTER
-        if (parts, often) not in self._marches:
-            rate = compiled([self._rate]).functions[0] if often else self._rate
-            self._marches[parts, often] = self._interval(rate, parts).mapaccum(BLOCK)
-        return self._marches[parts, often]
 
     def _interval(self, rate: ca.Function, parts: int) -> ca.Function:
         """State, [start; length], both ends' joint motion -> state one interval later."""

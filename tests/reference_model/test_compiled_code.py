@@ -23,7 +23,7 @@ from reference_model.codegen.compiled import EARNS_AFTER, SWITCH, compiled, comp
 from reference_model.effects import scan
 from reference_model.effects.scan import Scan
 from reference_model.evaluation.model import RobotModel
-from reference_model.passive import nominal as passive
+from reference_model.passive import marching
 from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
 from robot_model import Robot, load_robot
@@ -262,7 +262,7 @@ def test_a_long_motion_of_flexible_links_is_followed_by_compiled_code(
     joints = wave, np.gradient(wave, time, axis=0), np.gradient(np.gradient(wave, time, axis=0), time, axis=0)
     plain = model.reconstruct_passive(time, *joints)
     assert not entries(cache)
-    monkeypatch.setattr(passive, "EARNS_AFTER", 1000)
+    monkeypatch.setattr(marching, "EARNS_AFTER", 1000)
     code = model.reconstruct_passive(time, *joints)
     assert entries(cache)
     for one, other in zip(plain, code):

@@ -72,7 +72,7 @@ def left_over(fit: Fit) -> Iterator[str]:
     above = [
         (one.after.validation_rms / max(one.noise_floor, 1e-300), name, one)
         for name, one in fit.channels.items()
-        if one.after.validation_rms > AT_NOISE * one.noise_floor and not name.endswith(".position")
+        if one.after.validation_rms > AT_NOISE * one.noise_floor
     ]
     for _, name, one in sorted(above, key=lambda item: -item[0])[:MOST]:
         part = (one.after.validation_rms / max(one.before.validation_rms, 1e-300)) ** 2

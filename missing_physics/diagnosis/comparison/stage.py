@@ -228,7 +228,6 @@ def _held(fit: Fit, floor: Mapping[str, float], silent: Collection[str]) -> list
             max(one.noise_floor, floor.get(name, 0.0)),
         )
         for name, one in fit.channels.items()
-        if not name.endswith(".position")
-        and math.isfinite(one.after.validation_rms)
+        if math.isfinite(one.after.validation_rms)
         and not (name.endswith(".torque") and name.removesuffix(".torque") in silent)
     ]

@@ -20,7 +20,7 @@ from missing_physics.results.result import (
     Rung,
 )
 
-__all__ = ["channel_fit", "findings_of_gap", "numbers_of_gap", "rungs_of", "series_of"]
+__all__ = ["channel_fit", "findings_of_gap", "rungs_of", "series_of"]
 
 #: A rival at least this probable is stated as ambiguous.
 AMBIGUOUS = 0.05
@@ -39,11 +39,6 @@ def findings_of_gap(
     `whole` are all recordings, where the first fit fails on the scored ones (`gear/unseen.py`).
     """
     return tuple(_finding(data, fits, cause, causes, whole) for cause in fits[0].causes)
-
-
-def numbers_of_gap(fit: GapFit) -> tuple[Finding, ...]:
-    """The causes of a fit with their numbers alone."""
-    return tuple(Finding(c.effect, c.location, 1.0, _parameters((fit,), c)) for c in fit.causes)
 
 
 def _finding(

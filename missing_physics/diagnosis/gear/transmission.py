@@ -53,8 +53,6 @@ class TransmissionResult:
         could_not_tell: sentences.
         ladder: every cause that was weighed.
         series: measured gap, no gap, explained gap.
-        works: what all this follows from, joint by joint; see `result_of`.
-        known: joints whose gears are in the robot file.
     """
 
     mismatch: tuple[Mismatch, ...] = ()
@@ -63,8 +61,6 @@ class TransmissionResult:
     could_not_tell: tuple[str, ...] = ()
     ladder: tuple[Rung, ...] = ()
     series: tuple[ChannelSeries, ...] = ()
-    works: tuple[JointWork, ...] = ()
-    known: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,6 @@ class JointWork:
         fits: what is stated, and the same in other shapes that are not excluded.
         whole: see `gear/unseen.py`.
         prismatic: whether the joint slides.
-        remarks: on what became of names there.
     """
 
     data: GapData
@@ -87,7 +82,6 @@ class JointWork:
     fits: tuple[GapFit, ...]
     whole: GapData | None
     prismatic: bool
-    remarks: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -156,7 +150,6 @@ def result_of(works: Sequence[JointWork], known: Sequence[str] = ()) -> Transmis
 
     Args:
         works: one for each joint.
-        known: joints whose gears are in the robot file.
     """
     energies = np.array([_whitened(work) for work in works])
     mismatch = [
@@ -170,12 +163,9 @@ def result_of(works: Sequence[JointWork], known: Sequence[str] = ()) -> Transmis
             *(s for w in works for s in _open_questions(w)),
             *_common_delay(works),
             *_known(known),
-            *(remark for work in works for remark in work.remarks),
         ),
         ladder=tuple(rung for w in works for rung in rungs_of(w.search)),
         series=tuple(s for w in works for s in series_of(w.search.start, w.best, prismatic=w.prismatic)),
-        works=tuple(works),
-        known=tuple(known),
     )
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.bodies.written import rounded
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, listed_gears
 from missing_physics.results.result import Finding
 from reference_model.effects.base import GearEffect, SensorEffect
@@ -21,6 +20,8 @@ __all__ = ["FoundGears", "found_gears", "found_sensors", "yielding"]
 FLANKS = 2 * np.pi * 200.0
 #: And this part of critical damping.
 FLANKS_DAMPING = 0.1
+#: Digits of a number in a robot file.
+DIGITS = 8
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def _values(finding: Finding) -> Iterator[tuple[str, float]]:
     for p in effect.parameters:
         if p.name in finding.parameters:
             value = finding.parameters[p.name].value
-            yield p.name, rounded(float(np.clip(value, p.lower, p.upper)))
+            yield p.name, _rounded(float(np.clip(value, p.lower, p.upper)))
 
 
 def _flanks(joint: Joint) -> dict[str, float]:
@@ -127,6 +128,11 @@ def _flanks(joint: Joint) -> dict[str, float]:
     assert actuator is not None
     inertia = actuator.gear_ratio**2 * actuator.rotor_inertia
     return {
-        "stiffness": rounded(inertia * FLANKS**2),
-        "damping": rounded(2 * FLANKS_DAMPING * inertia * FLANKS),
+        "stiffness": _rounded(inertia * FLANKS**2),
+        "damping": _rounded(2 * FLANKS_DAMPING * inertia * FLANKS),
     }
+
+
+def _rounded(value: float) -> float:
+    """A number with as many digits as a robot file gets."""
+    return float(f"{value:.{DIGITS}g}")

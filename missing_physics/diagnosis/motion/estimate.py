@@ -59,16 +59,7 @@ class Motion:
         motion_cutoff: cut-off of the smoother of the motion itself, higher than that of `low_pass` [Hz].
         raw_position: as recorded, resampled, shape (N, n).
         position_channels: the channel of each joint's position.
-        torque_sensors: joints whose torque was measured, not made of a current or a voltage.
         others: further recorded channels on the same grid.
-        noise: standard deviation of the white noise of each of `others`.
-        guessed: channels whose noise nobody stated, so that it was estimated from the numbers.
-        missing: of those of `others` that were not recorded at every instant, where, shape (N,).
-        rate_noise: standard deviation of white noise per sample of the rates that positions are integrals
-            of, shape (n,); None where all were recorded as they are.
-        derived: joints without an encoder; none in a diagnosis.
-        remark: how they were found.
-        slowest: lowest rate at which any position or torque was sampled [Hz].
         left_out: which part of the recording is not used and why, as a clause; empty where all is.
         drive: `torque` without the share of a motor's back-EMF that is in it where it follows from a voltage.
     """
@@ -86,43 +77,14 @@ class Motion:
     motion_cutoff: float
     raw_position: Array
     position_channels: tuple[str, ...]
-    torque_sensors: tuple[str, ...]
     others: Mapping[str, Array] = field(default_factory=dict)
-    noise: Mapping[str, float] = field(default_factory=dict)
-    guessed: frozenset[str] = frozenset()
-    missing: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
-    rate_noise: Array | None = None
-    derived: tuple[str, ...] = ()
-    remark: str = ""
-    slowest: float = np.inf
     left_out: str = ""
     drive: Array | None = None
 
     @property
-    def highest_cutoff(self) -> float:
-        """Highest cut-off at which all that is compared holds something [Hz]."""
-        return HIGHEST_CUTOFF * min(self.low_pass.rate, self.slowest)
-
-    @property
     def velocity_noise(self) -> Array:
         """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
-        return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff, self.rate_noise)
-
-    def there(self, channel: str) -> NDArray[np.bool_]:
-        """Instants at which one of `others` was recorded and not interpolated, shape (N,)."""
-        return ~self.missing.get(channel, np.zeros(self.time.size, dtype=bool))
-
-    def noise_between(self, channel: str) -> float:
-        """Noise per sample that is as strong below the filters' cut-offs as what is interpolated has."""
-        return float(self.noise.get(channel, 0.0) / np.sqrt(max(self.there(channel).mean(), 1e-9)))
-
-    def drawn_noise(self, chance: np.random.Generator) -> Array:
-        """Noise as it is in `raw_position`, shape (N, n)."""
-        drawn = chance.standard_normal(self.position.shape) * self.position_noise
-        if self.rate_noise is None:
-            return drawn
-        steps = chance.standard_normal(self.position.shape) * self.rate_noise
-        return np.asarray(drawn + np.cumsum(steps, axis=0) / self.low_pass.rate)
+        return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff)
 
     @property
     def reduced_time(self) -> Array:
@@ -137,7 +99,6 @@ def estimate_motion(
     inertia: Array,
     noise: Mapping[str, float],
     cutoff: float | None = None,
-    walk: Mapping[str, float] | None = None,
 ) -> Motion:
     """The motion of all moving joints and the torque of their actuators.
 
@@ -147,7 +108,6 @@ def estimate_motion(
         inertia: typical inertia each joint sees [kg m^2 or kg], shape (n,); only sets the cut-off.
         noise: standard deviation of white noise by channel, in its unit.
         cutoff: of the filter [Hz]; found from the data when None.
-        walk: by joint, standard deviation of white noise of the rate that its position is the integral of.
 
     Raises:
         InputError: a joint's position is absent, or too few samples.
@@ -167,15 +127,14 @@ def estimate_motion(
             for name, source in zip(names, sources)
         ]
     )
-    rate_noise = np.array([walk.get(name, 0.0) for name in names]) if walk else None
     highest = HIGHEST_CUTOFF * slowest
     chosen = cutoff
     if chosen is None:
-        chosen = _cutoff(time, torque, raw, inertia, position_noise, rate_noise, highest=highest)
+        chosen = _cutoff(time, torque, raw, inertia, position_noise, highest=highest)
     chosen = chosen if slowest == rate else min(chosen, highest)
     low_pass = LowPass(rate, chosen)
     widest = WIDEST * clock.slowest(channels)
-    wide = _motion_cutoff(rate, chosen, raw, position_noise, rate_noise, widest=widest)
+    wide = _motion_cutoff(rate, chosen, raw, position_noise, widest=widest)
     position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
     temperature = np.column_stack([clock.values(f"{name}.temperature", absent=np.nan) for name in names])
     periods = np.array([clock.own.get(source or "", float(time[1] - time[0])) for source in sources])
@@ -200,12 +159,7 @@ def estimate_motion(
         motion_cutoff=wide,
         raw_position=raw,
         position_channels=tuple(channels),
-        torque_sensors=tuple(name for name in names if f"{name}.torque" in recording),
         others={channel: clock.values(channel) for channel in others},
-        noise={channel: _noise_of(recording, noise, channel) for channel in others},
-        missing={c: clock.missing(c) for c in others if not np.isfinite(recording[c]).all()},
-        rate_noise=rate_noise,
-        slowest=slowest,
         left_out=clock.left_out,
         drive=drive,
     )
@@ -272,41 +226,31 @@ def _cutoff(
     raw: Array,
     inertia: Array,
     position_noise: Array,
-    rate_noise: Array | None = None,
     *,
     highest: float,
 ) -> float:
     """Frequency below which position noise, differentiated twice, makes little of every joint's torque [Hz].
 
-    White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f, that of a
-    rate J^2 (2 pi)^2 S f^3 / 3.
+    White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f.
     """
     rate = float(1.0 / (time[1] - time[0]))
     slow = LowPass(rate, min(LOWEST_CUTOFF, highest)).smooth(raw)
     chosen = highest
     for column in range(torque.shape[1]):
         series = torque[:, column]
-        walks = 0.0 if rate_noise is None else rate_noise[column]
-        if not np.isfinite(series).all() or not (position_noise[column] or walks):
+        if not np.isfinite(series).all() or not position_noise[column]:
             continue
         if not series.any():  # nothing drives it: what its motion takes stands for the torque
             series = inertia[column] * _derivatives(time, slow[:, column])[2]
         allowed = (NOISE_PART * float(np.sqrt(np.mean(series**2)))) ** 2
-        if position_noise[column]:
-            density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
-            chosen = min(chosen, float((5.0 * allowed / density) ** 0.2))
-        if walks:
-            density = (inertia[column] * 2 * np.pi * walks) ** 2 * 2.0 / rate
-            chosen = min(chosen, float((3.0 * allowed / density) ** (1.0 / 3.0)))
+        density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
+        chosen = min(chosen, float((5.0 * allowed / density) ** 0.2))
     return float(np.clip(chosen, min(LOWEST_CUTOFF, highest), highest))
 
 
-def _velocity_noise(
-    position_noise: Array, rate: float, cutoff: float, rate_noise: Array | None = None
-) -> Array:
+def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
     """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
-    made = np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
-    return made if rate_noise is None else np.hypot(made, rate_noise * np.sqrt(2.0 / rate * cutoff))
+    return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
 
 
 def _motion_cutoff(
@@ -314,7 +258,6 @@ def _motion_cutoff(
     cutoff: float,
     raw: Array,
     position_noise: Array,
-    rate_noise: Array | None = None,
     *,
     widest: float,
 ) -> float:
@@ -326,10 +269,7 @@ def _motion_cutoff(
     speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate
     wide = min(WIDER * cutoff, widest)
     for _ in range(WIDENINGS):
-        if (
-            np.all(_velocity_noise(position_noise, rate, wide, rate_noise) <= SIGN_KNOWN * speed)
-            or wide <= cutoff
-        ):
+        if np.all(_velocity_noise(position_noise, rate, wide) <= SIGN_KNOWN * speed) or wide <= cutoff:
             break
         wide /= 1.25
     return max(wide, cutoff)

@@ -9,7 +9,7 @@ J. Human Resources 50 (2015) 317-372), cross-validation that leaves whole blocks
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,26 +77,6 @@ class BlockedRegression:
         known = np.zeros(scale.size) if prior is None else prior / scale**2
         return cls(gram, moment, energy, scale, int(target.size), known, alternate)
 
-    def take(self, indices: NDArray[np.int_]) -> BlockedRegression:
-        """The same regression on some of the columns."""
-        return BlockedRegression(
-            self.gram[:, indices[:, None], indices[None, :]],
-            self.moment[:, indices],
-            self.energy,
-            self.scale[indices],
-            self.rows,
-            self.prior[indices],
-            self.alternate,
-        )
-
-    def held(self, indices: NDArray[np.int_], values: Array) -> BlockedRegression:
-        """The same regression with some coefficients held at `values`, shape (m,), and no longer columns."""
-        own = values * self.scale[indices]
-        moment = self.moment - self.gram[:, :, indices] @ own
-        energy = self.energy - (self.moment + moment)[:, indices] @ own
-        kept = np.setdiff1d(np.arange(self.scale.size), indices)
-        return replace(self, moment=moment, energy=energy).take(kept)
-
     def _solve(self, gram: Array, moment: Array) -> Array:
         k = gram.shape[0]
         if k == 0:
@@ -110,11 +90,6 @@ class BlockedRegression:
     def solution(self) -> Array:
         """Least-squares coefficients, shape (k,)."""
         return self.scaled_solution() / self.scale
-
-    def residual_energy(self) -> float:
-        """Sum of squares that is left."""
-        beta = self.scaled_solution()
-        return float(max(self.energy.sum() - beta @ self.moment.sum(0), 0.0))
 
     def block_energy(self, beta: Array) -> Array:
         """Sum of squares left in each block with scaled coefficients `beta`, shape (G,)."""
@@ -133,11 +108,6 @@ class BlockedRegression:
             left[out] = self.block_energy(beta)[out]
         return left
 
-    def held_out_rms(self, rows: int) -> float:
-        """Root mean square over `rows` of what is left of blocks predicted from the other folds."""
-        left = float(self.held_out_energy().sum())
-        return float(np.sqrt(max(left, 0.0) / rows))  # rounding may take a little from nothing
-
     def covariance(self) -> Array:
         """Covariance of the coefficients by the jackknife that leaves one block out at a time, shape (k, k).
 
@@ -153,32 +123,6 @@ class BlockedRegression:
         changes = np.linalg.solve(others, scores[:, :, None])[:, :, 0]
         scaled = changes.T @ changes * (groups - 1) / groups
         return np.asarray(scaled / np.outer(self.scale, self.scale))
-
-    def inverse(self) -> Array:
-        """Covariance of the coefficients for independent errors of unit variance, shape (k, k)."""
-        inverse = np.linalg.pinv(self.gram.sum(0) + np.diag(self.prior + RIDGE), hermitian=True)
-        return np.asarray(inverse / np.outer(self.scale, self.scale))
-
-    def sandwich(self) -> Array:
-        """Covariance by the blocks' scores (Liang and Zeger, Biometrika 73 (1986) 13-22), shape (k, k)."""
-        groups = self.gram.shape[0]
-        scores = self.moment - np.einsum("gij,j->gi", self.gram, self.scaled_solution())
-        bread = np.linalg.pinv(self.gram.sum(0) + np.diag(self.prior + RIDGE), hermitian=True)
-        meat = scores.T @ scores * groups / max(groups - 1, 1)
-        return np.asarray(bread @ meat @ bread / np.outer(self.scale, self.scale))
-
-    def freedom(self, directions: Array) -> Array:
-        """Degrees of freedom of the variance of `directions` (m, k) . coefficients, shape (m,).
-
-        As many as there are blocks that determine it, less one, where they are alike (Satterthwaite's
-        approximation for errors that are alike): one or two where a few hold nearly all that is known.
-        """
-        scaled = directions / self.scale
-        gram = self.gram.sum(0) + np.diag(self.prior + RIDGE)
-        weights = np.linalg.solve(gram, scaled.T)
-        parts = np.einsum("im,gij,jm->gm", weights, self.gram, weights)
-        alike = parts.sum(0) ** 2 / np.maximum((parts**2).sum(0), 1e-300)
-        return np.asarray(np.maximum(alike - 1.0, 1.0))
 
     def wald_p_value(self, tested: NDArray[np.int_]) -> float:
         """Probability of a departure from zero as large as this if the `tested` coefficients are zero.
