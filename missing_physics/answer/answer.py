@@ -64,8 +64,9 @@ def answered(
     found = search(data, progress)
     data = found.data
     known = weighed(found)
-    load = carried(found, known.answer)
-    safe = (load.safe if load else None) or guarded(data, known.answer, found.standard)
+    safe = guarded(data, known.answer, found.standard)
+    load = carried(found, known.answer, safe.fit)
+    safe = (load.safe if load else None) or safe
     answer = answer_of(data, known, safe.fit, of_bodies(data, load.fit, load.loads) if load else ())
     late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
     every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))

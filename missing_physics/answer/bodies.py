@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
+from scipy.stats import chi2
 
 from missing_physics.bodies.pseudo_inertia import COUNT, divergence
 from missing_physics.hypotheses import BODIES, Hypothesis
@@ -40,7 +41,7 @@ from missing_physics.standard.layout import length_of
 from reference_model.effects.base import BodyEffect, Effect
 from robot_model import Robot
 
-__all__ = ["Load", "is_on_body", "loads", "without_bodies"]
+__all__ = ["LOAD", "Load", "is_on_body", "is_real", "loads", "without_bodies"]
 
 Array = NDArray[np.float64]
 
@@ -126,6 +127,17 @@ def loads(data: Data, fit: Fit, shares: Array) -> tuple[Load, ...]:
         _, begin, likely = max(each, key=lambda one: one[0])
         made.append(Load(*key, float(np.exp(total[key] - whole)), begin, likely))
     return tuple(sorted(made, key=lambda one: -one.probability))
+
+
+def is_real(data: Data, fit: Fit, body: str) -> bool:
+    """Whether a body of a fit, which has all bodies estimated, is among 95 % of wrong ones.
+
+    Half the square of ten relative changes, in units of `WRONG`, is what the divergence is to second order.
+    """
+    place = data.layout.names.index(f"{body}.mass")
+    own = slice(place, place + COUNT)
+    apart = float(divergence(fit.numbers[own], data.layout.start[own])[0])
+    return apart <= 0.5 * float(chi2.ppf(0.95, COUNT)) * WRONG**2
 
 
 def is_on_body(effect: Effect) -> bool:

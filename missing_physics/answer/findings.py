@@ -12,6 +12,7 @@ from scipy.stats import norm
 
 from missing_physics.answer.adequacy import adequacies
 from missing_physics.answer.bodies import Load, is_on_body
+from missing_physics.bodies.pseudo_inertia import COUNT
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
@@ -138,36 +139,55 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
 
 def of_bodies(data: Data, fit: Fit, carried: Sequence[Load]) -> tuple[Weighty, ...]:
     """Findings about the bodies of a fit, with the energy that they explain (`_removed`)."""
-    terms = [term for term in fit.hypothesis.terms if is_on_body(term.effect)]
-    found = (_of_body(data, fit, term, carried) for term in terms)
-    return tuple((finding, _removed(data, fit, finding)) for finding in found)
+    top = next(load for load in carried if load.effect)
+    return tuple(_of_body(data, fit, top, body, carried) for body in top.bodies)
 
 
-def _of_body(data: Data, fit: Fit, term: Term, carried: Sequence[Load]) -> Finding:
+def _of_body(data: Data, fit: Fit, top: Load, body: str, carried: Sequence[Load]) -> Weighty:
     """A load on a link, or wrong mass properties of it."""
+    effect, key = get_effect(top.effect), (top.effect, body)
+    term = next((t for t in fit.hypothesis.terms if t.key == key), None)
     probable: dict[tuple[str, str], float] = {}
     for load in carried:
-        for body in load.bodies:
-            key = load.effect, body
-            probable[key] = probable.get(key, 0.0) + load.probability
-    named = {other.key for other in fit.hypothesis.terms}
-    rivals = [(key, p) for key, p in probable.items() if key not in named and key[0] and p >= RIVAL]
+        for link in load.bodies:
+            probable[load.effect, link] = probable.get((load.effect, link), 0.0) + load.probability
+    named = {(top.effect, link) for link in top.bodies}
+    rivals = [(other, p) for other, p in probable.items() if other not in named and p >= RIVAL]
     rivals.sort(key=lambda one: -one[1])
-    columns = [data.columns(term, run)[:, :, 1:] for run in range(data.fitted)]
-    felt = np.any([own.any(axis=(0, 1)) for own in columns], axis=0)
     why = "the bodies that the recordings determine differ from the robot file in another way"
-    return Finding(
-        effect=term.effect.id,
-        location=term.at,
-        probability=probable[term.key],
-        parameters={
-            p.name: _estimate(data, fit, term, p, term.parameters[p.name])
-            for p, acts in zip(term.free, felt)
-            if acts
-        },
-        ambiguous_with=tuple(_label(key, term.at) for key, _ in rivals),
-        alternatives=tuple(Alternative(effect, at, p, why) for (effect, at), p in rivals),
+    if term is None:
+        parameters, energy = _changed(data, fit, body)
+    else:
+        parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
+        energy = sum(_energy(data.columns(term, run)[:, :, 0], fit) for run in range(data.fitted))
+    finding = Finding(
+        effect=effect.id,
+        location=body,
+        probability=probable[key],
+        parameters=parameters,
+        ambiguous_with=tuple(_label(other, body) for other, _ in rivals),
+        alternatives=tuple(Alternative(*other, p, why) for other, p in rivals),
     )
+    return finding, energy
+
+
+def _changed(data: Data, fit: Fit, body: str) -> tuple[dict[str, Estimate], float]:
+    """Differences of a body from the file, named as those of `inertia`, and the energy that they explain."""
+    first = data.layout.names.index(f"{body}.mass")
+    places = np.arange(first, first + COUNT)
+    found = {}
+    for place, p in zip(places, get_effect("inertia").parameters):
+        if any(design[:, :, place].any() for design in data.designs[: data.fitted]):
+            value = float(fit.numbers[place] - data.filed[place])
+            half = QUANTILE * float(fit.deviations[place])
+            found[p.name] = Estimate(value, (value - half, value + half), p.unit)
+    away = fit.numbers[places] - data.filed[places]
+    return found, sum(_energy(data.designs[run][:, :, places] @ away, fit) for run in range(data.fitted))
+
+
+def _energy(torques: Array, fit: Fit) -> float:
+    """Sum of squares of torques in units of the residual."""
+    return float(np.sum((torques / fit.sigma) ** 2))
 
 
 def _replacing(data: Data, fit: Fit, effect: str, joint: str) -> Iterator[str]:

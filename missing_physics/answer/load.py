@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missing_physics.answer.bodies import Load, loads, without_bodies
+from missing_physics.answer.bodies import LOAD, Load, is_real, loads, without_bodies
 from missing_physics.answer.findings import STATED
 from missing_physics.answer.guard import Guarded, guarded
-from missing_physics.hypotheses import BODIES, Term
+from missing_physics.hypotheses import BODIES, Term, not_credible
 from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
 from missing_physics.inference.ledger import Search
@@ -23,34 +23,51 @@ class Carried:
     """What bodies off the robot file's are due to.
 
     Attributes:
-        loads: the explanations.
-        fit: the most probable hypothesis with the most probable of them.
-        safe: the same as the answer, None where the standard model predicts a joint better.
+        loads: the explanations, most probable first.
+        fit: the most probable hypothesis with the load, where one is the most probable explanation; else with
+            all bodies estimated.
+        safe: the fit with a load as the answer, None where the standard model predicts a joint better.
     """
 
     loads: tuple[Load, ...]
     fit: Fit
-    safe: Guarded | None
+    safe: Guarded | None = None
 
 
-def carried(found: Search, best: Fit) -> Carried | None:
-    """The load or the wrong bodies, if more probable than a file that is off as a whole.
+def carried(found: Search, best: Fit, safe: Fit) -> Carried | None:
+    """The load or the wrong bodies, if more probable than a file that is off as a whole, and if real.
 
     Args:
         found: the search.
         best: the most probable hypothesis.
+        safe: the same as the answer.
     """
-    explained = loads(found.data, best, found.shares)
+    explained, data = loads(found.data, best, found.shares), found.data
     named = [load for load in explained if load.effect]
     if not named or sum(load.probability for load in named) <= STATED:
         return None
     top = named[0]
+    if top.effect != LOAD:
+        return Carried(explained, safe) if all(is_real(data, safe, body) for body in top.bodies) else None
+    term = Term.of(get_effect(top.effect), top.bodies[0], top.values)
     hypothesis = without_bodies(best.hypothesis).filing(BODIES)
-    terms = tuple(Term.of(get_effect(top.effect), body, top.values) for body in top.bodies)
-    hypothesis = replace(hypothesis, terms=(*hypothesis.terms, *terms), accuracy=top.accuracy)
+    hypothesis = replace(hypothesis, terms=(*hypothesis.terms, term), accuracy=top.accuracy)
     try:
-        fit = found.settled(fitted(found.data, hypothesis, best))
+        fit = _needed(found, found.settled(fitted(data, hypothesis, best)), term)
     except np.linalg.LinAlgError:
         return None
-    safe = guarded(found.data, fit, found.standard)
-    return Carried(explained, fit, safe if safe.fit is fit else None)
+    if any(not_credible(t, data.standard.nominal, 0.0) for t in fit.hypothesis.terms if t.key == term.key):
+        return None
+    guard = guarded(data, fit, found.standard)
+    return Carried(explained, fit, guard if guard.fit is fit else None)
+
+
+def _needed(found: Search, fit: Fit, load: Term) -> Fit:
+    """The fit without effects that only made up for the load, whose removal does not lower the score."""
+    while True:
+        others = [t for t in fit.hypothesis.terms if t.key != load.key and (t.freed or not t.is_given)]
+        fewer = [found.settled(fitted(found.data, fit.hypothesis.less(t), fit)) for t in others]
+        best = max(fewer, key=found.score, default=None)
+        if best is None or found.score(best) < found.score(fit):
+            return fit
+        fit = best
