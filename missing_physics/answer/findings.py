@@ -323,7 +323,7 @@ def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Itera
             continue
         probability = known.freed(name) if own else _chance_large(data, fit)
         others = _instead(data, known, fit, joint, partial(_is_free, name=name)) if own else []
-        if probability <= STATED and not others:
+        if probability <= STATED and (probability < RIVAL or not others):
             continue
         low, high = abs(delay) - QUANTILE * deviation, abs(delay) + QUANTILE * deviation
         # Of two joints that differ, either may be the odd one; an early torque may be a late encoder.

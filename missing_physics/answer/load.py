@@ -13,9 +13,15 @@ from missing_physics.hypotheses import BODIES, Term, not_credible
 from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
 from missing_physics.inference.ledger import Search
+from missing_physics.inference.score import block_scores
 from reference_model.effects.catalogue import get_effect
 
 __all__ = ["Carried", "carried"]
+
+
+#: A load is named where its hypothesis predicts as well as the one with all bodies estimated, but for this
+#: evidence [nats]: odds of one in twenty.
+AS_WELL = 3.0
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,9 @@ def carried(found: Search, best: Fit, safe: Fit) -> Carried | None:
     except np.linalg.LinAlgError:
         return None
     if any(not_credible(t, data.standard.nominal, 0.0) for t in fit.hypothesis.terms if t.key == term.key):
+        return None
+    predicted = [float(block_scores(data, one, found.shares).sum()) for one in (fit, best)]
+    if predicted[0] < predicted[1] - AS_WELL:
         return None
     guard = guarded(data, fit, found.standard)
     return Carried(explained, fit, guard if guard.fit is fit else None)

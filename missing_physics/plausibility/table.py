@@ -68,6 +68,17 @@ TABLE: tuple[Credible, ...] = (
         "Joint torque sensors: 0.5 to 5 % of full scale; current sensors with shunt: 1 to 3 %.",
     ),
     Credible(
+        "load_dependent_friction",
+        "gear_share",
+        "",
+        0.0,
+        0.7,
+        "-",
+        "a gear passes on at least a third of the torque that it gets; one that takes all of it explains any "
+        "torque",
+        "Efficiencies of data sheets: planetary 0.7 to 0.95, harmonic 0.6 to 0.85, worm 0.3 to 0.9.",
+    ),
+    Credible(
         "torque_gain",
         "gain_error",
         "",
