@@ -372,11 +372,13 @@ def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
 
 
 def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
-    """Re-estimated parameters of the robot file."""
+    """Re-estimated parameters of the robot file that some recorded torque depends on."""
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")
         nominal = float(data.filed[place])
         if not fit.layout.free[place] or TIMING in name or name.startswith("gravity"):
+            continue
+        if not any(design[:, :, place].any() for design in data.designs):
             continue
         if joint in data.joints and kind in EFFECTS and nominal == 0.0:
             continue  # a finding
