@@ -98,7 +98,7 @@ def answered(
         findings=answer.findings,
         fit=_fit(data, rows, robot),
         experiments=needed,
-        unnamed=tuple(unnamed(data, known, answer.fit)),
+        unnamed=tuple(unnamed(data, answer.fit)),
         could_not_tell=(*_dismissed(found, answer), _not_searched()),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),

@@ -99,6 +99,16 @@ def test_a_force_of_no_known_effect_stays_without_a_name(arm: Robot) -> None:
     assert told.verdict == "unexplained"
 
 
+def test_a_force_that_held_out_data_do_not_have_is_not_stated(arm: Robot) -> None:
+    def bump(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return 0.8 * np.exp(-8.0 * (position - 0.3) ** 2)
+
+    fit, same, other = recorded(bump, seed=1), recorded(bump, seed=2), recorded(nothing, seed=2)
+    (force,) = diagnose(with_friction(arm), [fit], [same]).diagnosis.unnamed
+    assert force.depends_on == ("joint.position",)
+    assert diagnose(with_friction(arm), [fit], [other]).diagnosis.unnamed == ()
+
+
 def test_a_quarter_of_a_single_recording_is_held_out(arm: Robot) -> None:
     result = diagnose(with_friction(arm), [recorded(spring, seed=1, duration=48.0)])
     (series,) = result.series
