@@ -14,6 +14,7 @@ from missing_physics.answer.load import carried
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
+from missing_physics.evaluation import evaluate
 from missing_physics.hypotheses import TIMING
 from missing_physics.inference import Data, search, weighed
 from missing_physics.inference.data import held_out_windows
@@ -26,7 +27,7 @@ from missing_physics.standard import fit_standard
 from missing_physics.standard.bending import model_of
 from missing_physics.standard.rows import common_band, rows_of, without_friction
 from reference_model.effects.catalogue import catalogue, get_effect
-from robot_model import Recording, Robot, robot_to_toml
+from robot_model import Recording, Robot, robot_to_toml, unit_of
 
 __all__ = ["answered"]
 
@@ -70,14 +71,15 @@ def answered(
     answer = answer_of(data, known, safe.fit, of_bodies(data, load.fit, load.loads) if load else ())
     late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
     every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
-    rows = compared_rows(data)
+    rows = compared_rows(data, robot, every)
+    made = tuple(evaluate(robot, one, own.band) for one, own in zip(every, rows))
     needed: tuple[Experiment, ...] = ()
     motions: dict[str, str] = {}
     if experiments is not None and any(f.ambiguous_with for f in answer.findings):
         progress("designing motions")
         needed, motions = separating(data, known, answer.findings, seed=experiments)
     progress("locating the mismatch")
-    mismatch = located(data, robot, every, rows)
+    mismatch = located(data, robot, made, rows)
     beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
     file = robot
     credible = all(is_credible_number(c.name, c.estimate, c.nominal, robot) for c in answer.changes)
@@ -107,7 +109,7 @@ def answered(
     return (
         Result(
             diagnosis=diagnosis,
-            series=series_of(data, rows, robot),
+            series=series_of(data, rows, robot, made),
             ladder=tuple(_rung(found, step) for step in found.steps),
             augmented_robot_toml=robot_to_toml(file),
             rows=rows,
@@ -129,9 +131,10 @@ def _fit(data: Data, rows: Sequence[Rows], robot: Robot) -> Fit:
     """Channels that are compared; their errors are added by the comparison."""
     nothing = Errors(float("nan"), float("nan"))
     channels = {}
-    for k, (channel, joint) in enumerate(zip(rows[0].channels, robot.drives)):
+    prismatic = {joint.name for joint in robot.drives if joint.kind == "prismatic"}
+    for k, channel in enumerate(rows[0].channels):
         if any(own.counted[:, k].any() for own in rows):
-            unit = "N" if joint.kind == "prismatic" else "N m"
+            unit = unit_of(channel, prismatic=channel.split(".")[0] in prismatic)
             channels[channel] = ChannelFit(unit, nothing, nothing, float(rows[0].noise[k]))
     return Fit(channels, 0.0, tuple(own.band for own in rows))
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from missing_physics.evaluation import evaluate
+from missing_physics.evaluation import Evaluation
 from missing_physics.inference import Data
 from missing_physics.results.result import Dependence, Mismatch
 from missing_physics.results.samples import Rows
 from missing_physics.wording.numbers import range_text
-from robot_model import Recording, Robot, unit_of
+from robot_model import Robot, unit_of
 
 __all__ = ["BEYOND_NOISE", "located", "residual_of"]
 
@@ -29,31 +29,34 @@ BINS, FEWEST, WORTH = 20, 5, 0.05
 STRETCH, STANDS_OUT, MOST_WINDOWS = 1 / 240, 4.0, 4
 #: Most spectral lines that are listed, and their height relative to their neighbourhood.
 LINES, HEIGHT = 3, 8.0
+TURNED = (
+    "The base does not turn as the joints' motion and conservation of momentum demand: something outside the "
+    "robot acts on it, or bodies differ from the robot file's."
+)
 #: A curve over time that covers more than this part of the recording is not localised in time.
 EVERYWHERE = 0.5
 
 
-def residual_of(robot: Robot, recording: Recording, rows: Rows) -> Array:
-    """Measured minus predicted torque by a robot file where it is compared, zero elsewhere, shape (K, n)."""
-    made = evaluate(robot, recording, rows.band)
+def residual_of(made: Evaluation, rows: Rows) -> Array:
+    """Measured minus predicted where it is compared, zero elsewhere, shape (K, m)."""
     left = np.column_stack([made.at(rows.time, channel) for channel in rows.channels])
     return np.where(rows.counted, np.nan_to_num(left), 0.0)
 
 
 def located(
-    data: Data, robot: Robot, recordings: Sequence[Recording], rows: Sequence[Rows]
+    data: Data, robot: Robot, made: Sequence[Evaluation], rows: Sequence[Rows]
 ) -> tuple[Mismatch, ...]:
-    """The difference of each joint's torque, largest share of the energy beyond the noise first.
+    """The difference of each channel, largest share of the energy beyond the noise first.
 
     Args:
         data: the rows of all recordings.
         robot: nominal.
-        recordings: as compared, the fitted ones first.
+        made: what it predicts of each recording, the fitted ones first.
         rows: of each recording.
     """
     fitted = range(data.fitted)
-    left = [residual_of(robot, recordings[i], rows[i]) for i in fitted]
-    floor = np.maximum(np.hypot(rows[0].noise, data.error), 1e-300)
+    left = [residual_of(made[i], rows[i]) for i in fitted]
+    floor = np.maximum(list(rows[0].floor.values()), 1e-300)
     count = np.maximum(sum(own.counted.sum(axis=0) for own in rows[: data.fitted]), 1)
     rms = np.sqrt(sum((r**2).sum(axis=0) for r in left) / count)
     beyond = (rms / floor) ** 2
@@ -91,15 +94,10 @@ def _described(
     share: float,
     p_value: float,
 ) -> Mismatch:
-    joint = robot.drives[k]
-    runs = data.runs[: data.fitted]
-    kept = [run.motion.kept for run in runs]
-    variables = {
-        f"{joint.name}.velocity": [run.motion.velocity[s][:, k] for run, s in zip(runs, kept)],
-        f"{joint.name}.position": [run.motion.position[s][:, k] for run, s in zip(runs, kept)],
-        f"{joint.name}.torque": [run.rows.measured[:, k] for run in runs],
-        "time": [own.time for own in rows[: data.fitted]],
-    }
+    channel = rows[0].channels[k]
+    place, variables = channel.split(".")[0], _variables(data, robot, k)
+    variables["time"] = [own.time for own in rows[: data.fitted]]
+    prismatic = k < len(robot.drives) and robot.drives[k].kind == "prismatic"
     counted = np.concatenate([own.counted[:, k] for own in rows[: data.fitted]])
     blocks = np.concatenate([np.arange(own.time.size) * 10 // own.time.size for own in rows[: data.fitted]])
     whole = np.concatenate(list(left))[counted]
@@ -107,8 +105,23 @@ def _described(
     depends = tuple(_dependences(joined, whole, blocks[counted]))
     windows = _windows(rows[0].time, left[0])
     lines = _lines(rows[0].time, left[0], rows[0].band.torque)
-    words = _words(joint.name, joint.kind == "prismatic", share, depends, windows, lines)
-    return Mismatch(joint.name, f"{joint.name}.torque", float(share), p_value, windows, depends, lines, words)
+    words = _words(place, prismatic, share, depends, windows, lines)
+    if k >= len(robot.drives):
+        words = f"{words} {TURNED}"
+    return Mismatch(place, channel, float(share), p_value, windows, depends, lines, words)
+
+
+def _variables(data: Data, robot: Robot, k: int) -> dict[str, list[Array]]:
+    """What the residual of a joint's torque may depend on, in each fitted recording; nothing for a base."""
+    if k >= len(robot.drives):
+        return {}
+    joint, runs = robot.drives[k].name, data.runs[: data.fitted]
+    kept = [run.motion.kept for run in runs]
+    return {
+        f"{joint}.velocity": [run.motion.velocity[s][:, k] for run, s in zip(runs, kept)],
+        f"{joint}.position": [run.motion.position[s][:, k] for run, s in zip(runs, kept)],
+        f"{joint}.torque": [run.rows.measured[:, k] for run in runs],
+    }
 
 
 def _dependences(

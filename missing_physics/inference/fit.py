@@ -37,6 +37,8 @@ LARGEST = 0.7
 EITHER_SIGN = 0.1
 #: Most halvings of a step that makes the fit worse.
 HALVINGS = 6
+#: A parameter is outside its range if it is so by more than rounding [-].
+ROUNDING = 1e-9
 #: Ridge of the normal equations, whose columns have about unit length.
 RIDGE = 1e-9
 
@@ -92,7 +94,7 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
     width, count = _width(data, hypothesis), data.start.size
     problem = Problem.of(data, hypothesis, numbers)
     for _ in range(LINEAR if linear else ROUNDS):
-        found = minimise(problem.layout, problem.total, sigma, width, problem.begin)
+        found, _ = _bounded(problem, problem.layout, sigma, width)
         sigma = residual_rms(problem.total, found)
         change = found[count:]
         whole = problem.total
@@ -116,16 +118,16 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
         terms = moved
         if still:
             break
-    found = minimise(problem.linear, problem.total, sigma, width, problem.begin)
-    return _judged(problem, replace(hypothesis, terms=terms), found, width)
+    found, ends = _bounded(problem, problem.linear, sigma, width)
+    return _judged(problem, replace(hypothesis, terms=terms), found, width, ends)
 
 
 def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
     """A fit that differs from another only in the parameters it takes from the file: one step from there."""
     problem = Problem.of(data, replace(hypothesis, terms=start.hypothesis.terms), start.numbers)
     width = _width(data, hypothesis)
-    found = minimise(problem.linear, problem.total, start.sigma, width, problem.begin)
-    return _judged(problem, replace(hypothesis, terms=start.hypothesis.terms), found, width)
+    found, ends = _bounded(problem, problem.linear, start.sigma, width)
+    return _judged(problem, replace(hypothesis, terms=start.hypothesis.terms), found, width, ends)
 
 
 def _width(data: Data, hypothesis: Hypothesis) -> float:
@@ -147,17 +149,60 @@ def _weighted(energy: Array, sigma: Array) -> float:
     return float(np.sum(energy / sigma**2))
 
 
-def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float) -> Fit:
+def _bounded(problem: Problem, layout: Layout, sigma: Array, width: float) -> tuple[Array, Mask]:
+    """The minimum at which no parameter of a term leaves its range, and which of them are at its end.
+
+    A parameter that would leave it is held at the end and the others are fitted again (active set).
+
+    Args:
+        problem: the normal equations.
+        layout: which parameters are free.
+        sigma, width: see `minimise`.
+
+    Returns:
+        All parameters, and which are held, shape (Y,) each.
+    """
+    first, begin, held = problem.data.start.size, problem.begin.copy(), np.zeros_like(layout.free)
+    for _ in range(1 + begin.size - first):
+        own = replace(layout, free=layout.free & ~held)
+        found = minimise(own, problem.total, sigma, width, begin)
+        outside, ends = _outside(problem.terms, found[first:])
+        more = np.concatenate([np.zeros(first, dtype=bool), outside]) & own.free
+        if not more.any():
+            break
+        held |= more
+        begin[np.flatnonzero(more)] = ends[more[first:]]
+    return found, held
+
+
+def _outside(terms: Sequence[Term], change: Array) -> tuple[Mask, Array]:
+    """Which parameters of terms changes would take out of their range, and the changes to its end."""
+    each = [(term, p) for term in terms for p in term.free]
+    before = np.array([term.parameters[p.name] for term, p in each])
+    ends, at = before + change, 0
+    for term in terms:
+        free = [p.name for p in term.free]
+        wanted = dict(zip(free, ends[at : at + len(free)]))
+        inside = term.moved(wanted).parameters
+        ends[at : at + len(free)] = [inside[name] for name in free]
+        at += len(free)
+    size = np.array([max(abs(b), abs(c), 1e-6 * p.typical) for b, c, (_, p) in zip(before, change, each)])
+    apart = np.abs(ends - before - change)
+    return apart > ROUNDING * size, ends - before
+
+
+def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, ends: Mask) -> Fit:
     """Errors of all blocks; those of each fold by one Newton step from the whole fit to that without it.
 
     Events keep their parameters, since no other fold determines them; their prior odds account for that.
+    Parameters at the end of their range, `ends`, stay there.
     """
     data, layout, whole = problem.data, problem.layout, problem.total
     sigma = residual_rms(whole, x)
     free, weight = layout.free, 1.0 / sigma**2
     hessian = objective(layout, whole, sigma, width, x)[2][np.ix_(free, free)]
     once = np.repeat([t.effect.is_event for t in hypothesis.terms], [len(t.free) for t in hypothesis.terms])
-    again = np.concatenate([np.ones(data.start.size, dtype=bool), ~once.astype(bool)])[free]
+    again = (np.concatenate([np.ones(data.start.size, dtype=bool), ~once.astype(bool)]) & ~ends)[free]
     open_ = np.flatnonzero(free)[again]
     among, length = np.ix_(open_, open_), layout.size[open_]
     apart = {HELD_OUT: x}

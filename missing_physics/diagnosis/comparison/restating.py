@@ -31,9 +31,9 @@ def restated(
         name: _channel(one, name, nominal, answer, standard) if name in along else one
         for name, one in fit.channels.items()
     }
-    found = replace(fit, channels=channels)
-    if abs(_improvement(before, fit) - fit.validation_improvement) < SAME:
-        found = replace(found, validation_improvement=_improvement(series, found))
+    found, floor = replace(fit, channels=channels), result.rows[0].floor
+    if abs(_improvement(before, floor) - fit.validation_improvement) < SAME:
+        found = replace(found, validation_improvement=_improvement(series, floor))
     return replace(result, series=series, diagnosis=replace(result.diagnosis, fit=found))
 
 
@@ -61,13 +61,13 @@ def _series(
             yield replace(one, nominal=one.measured - left[0], augmented=one.measured - left[1])
 
 
-def _improvement(series: Sequence[ChannelSeries], fit: Fit) -> float:
-    """1 - after/before of the whitened held-out error along the motion."""
+def _improvement(series: Sequence[ChannelSeries], floor: Mapping[str, float]) -> float:
+    """1 - after/before of the held-out error along the motion, in units of what no model predicts."""
     energies = np.zeros(2)
     for one in series:
-        if one.counted is None or one.channel not in fit.channels:
+        if one.counted is None or one.channel not in floor:
             continue
-        rows, floor = one.held_out & one.counted, max(fit.channels[one.channel].noise_floor, TINY)
+        rows, least = one.held_out & one.counted, max(floor[one.channel], TINY)
         for k, model in enumerate((one.nominal, one.augmented)):
-            energies[k] += float((((one.measured - model)[rows] / floor) ** 2).sum())
+            energies[k] += float((((one.measured - model)[rows] / least) ** 2).sum())
     return 1.0 - float(np.sqrt(energies[1] / energies[0])) if energies[0] > TINY else 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from missing_physics.diagnosis.comparison.choice import Choice
 from missing_physics.results.comparison import AT_NOISE
@@ -19,6 +19,7 @@ __all__ = [
     "of_choice",
 ]
 
+TINY = 1e-300
 #: Channels of which is said how much is left, those farthest above the noise.
 MOST = 3
 
@@ -67,16 +68,23 @@ def of_choice(choice: Choice) -> str:
     return f"At {where} the standard model predicts held-out data better: {OF_JOINTS[choice.written]}."
 
 
-def left_over(fit: Fit) -> Iterator[str]:
-    """How much is left on data that were not fitted, where most stands out of the noise."""
+def left_over(fit: Fit, floor: Mapping[str, float]) -> Iterator[str]:
+    """How much is left on data that were not fitted, in the channels farthest above what no model predicts.
+
+    Args:
+        fit: of all channels.
+        floor: rms by channel below which errors are not significant; the noise where it is not stated.
+    """
+    levels = {name: max(one.noise_floor, floor.get(name, 0.0), TINY) for name, one in fit.channels.items()}
     above = [
-        (one.after.validation_rms / max(one.noise_floor, 1e-300), name, one)
+        (one.after.validation_rms / levels[name], name, one)
         for name, one in fit.channels.items()
-        if one.after.validation_rms > AT_NOISE * one.noise_floor
+        if one.after.validation_rms > AT_NOISE * levels[name]
     ]
     for _, name, one in sorted(above, key=lambda item: -item[0])[:MOST]:
-        part = (one.after.validation_rms / max(one.before.validation_rms, 1e-300)) ** 2
+        part = (one.after.validation_rms / max(one.before.validation_rms, TINY)) ** 2
+        share = f"{part:.1%} of the mismatch energy" if part < 1.0 else "more than with the robot file"
         yield (
             f"{name}: {one.after.validation_rms:.3g} {one.unit} rms remain on data that were not fitted, "
-            f"{part:.1%} of the mismatch energy (noise {one.noise_floor:.2g} {one.unit})."
+            f"{share} (noise {one.noise_floor:.2g} {one.unit})."
         )

@@ -54,7 +54,8 @@ def compared(
     fit, why = _standard(robot, recordings[:fitted], rows) if rows else (None, "")
     if fit is not None:
         rows = tuple(replace(own, band=replace(own.band, rest=tuple(fit.rest))) for own in rows)
-        result = replace(result, rows=rows)
+        bands = replace(result.diagnosis.fit, bands=tuple(own.band for own in rows))
+        result = replace(result, rows=rows, diagnosis=replace(result.diagnosis, fit=bands))
     standard = None if fit is None else fit.robot
     nominal = answer = None
     if rows:
@@ -126,7 +127,7 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     if renumbered and verdict != "unexplained":
         told = replace(told, comparison=replace(told.comparison, words=NUMBERS_ARE_OFF))
     if verdict == "partly_explained":
-        sentences += left_over(told.fit)
+        sentences += left_over(told.fit, floor)
     if told.comparison.words and (renumbered or told.comparison.written != "answer"):
         sentences.append(told.comparison.words)
     diagnosis = replace(told, verdict=verdict, summary=" ".join(sentences), not_judged=silent)

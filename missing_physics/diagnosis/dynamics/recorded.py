@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from missing_physics.checks.gyros import gyro_channels
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics, joint_inertia
 from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
 from missing_physics.recordings import estimate_noise, sensors_of
@@ -18,10 +18,6 @@ __all__ = ["make_dynamics", "most_samples"]
 
 #: Samples of one recording times joints squared: about 3 GB.
 MOST_SAMPLES = 3_000_000
-#: A gap is longer than this many samples of a channel's own clock.
-GAP = 1.5
-#: A gyro's channels in the order of the axes.
-GYRO = tuple(f"base.angular_velocity.{axis}" for axis in "xyz")
 
 
 def most_samples(robot: Robot) -> int:
@@ -63,7 +59,7 @@ def make_dynamics(
     lowest = min(motion.low_pass.cutoff for motion in motions)
     if any(motion.low_pass.cutoff > lowest for motion in motions):
         motions = motions_in(lowest)
-    further = _gyro_channels(robot, recordings)
+    further = gyro_channels(robot, recordings)
     return tuple(MotionDynamics(model, motion, further) for motion in motions)
 
 
@@ -91,29 +87,3 @@ def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
         rounding = 0.0 if s.channel in recording.resolution else s.resolution / np.sqrt(12.0)
         stated[s.channel] = float(np.hypot(s.noise, rounding))
     return {**estimate_noise(recording), **recording.noise, **stated}
-
-
-def _gyro_channels(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """The gyro channels that all of the recordings have; none for a fixed base.
-
-    Nor for flexible links: their vibration turns the base by more than a gyro's noise, and is not known as
-    well as that from the joints' motion.
-    """
-    if robot.base.kind != "free" or robot.flexible_links:
-        return ()
-    return tuple(
-        channel
-        for channel in GYRO
-        if all(channel in r and _covered(r, channel).sum() > 0.5 * len(r) for r in recordings)
-    )
-
-
-def _covered(recording: Recording, channel: str) -> NDArray[np.bool_]:
-    """Instants at which a channel, perhaps of a slower clock, was recorded without a gap, shape (N,)."""
-    good = np.flatnonzero(np.isfinite(recording[channel]))
-    inside = np.zeros(len(recording), dtype=bool)
-    if good.size > 1:
-        steps = np.diff(good)
-        inside[good[0] : good[-1]] = np.repeat(steps <= GAP * np.median(steps), steps)
-    inside[good] = True
-    return inside

@@ -1,0 +1,54 @@
+"""Gyros on a free base, which show whether anything but the joints turns it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings import estimate_noise, sensors_of
+from robot_model import Recording, Robot
+
+__all__ = ["gyro_channels", "gyro_noise"]
+
+#: A gyro's channels in the order of the axes.
+GYRO = tuple(f"base.angular_velocity.{axis}" for axis in "xyz")
+#: A gap is longer than this many samples of a channel's own clock.
+GAP = 1.5
+
+
+def gyro_channels(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """The gyro channels that all of the recordings have; none for a fixed base.
+
+    Nor for flexible links: their vibration turns the base by more than a gyro's noise, and is not known as
+    well as that from the joints' motion.
+    """
+    if robot.base.kind != "free" or robot.flexible_links:
+        return ()
+    return tuple(
+        channel
+        for channel in GYRO
+        if all(channel in r and _covered(r, channel).sum() > 0.5 * len(r) for r in recordings)
+    )
+
+
+def gyro_noise(robot: Robot, recording: Recording, channel: str, cutoff: float) -> float:
+    """rms of a gyro's white noise below `cutoff` [Hz]: stated by the recording or the robot, else estimated."""
+    found = estimate_noise(recording).get(channel, 0.0)
+    for sensor in sensors_of(robot, recording):
+        if sensor.channel == channel:
+            found = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0)))
+    time = recording.time[np.isfinite(recording[channel])]
+    return float(found * np.sqrt(min(1.0, 2.0 * cutoff * float(np.median(np.diff(time))))))
+
+
+def _covered(recording: Recording, channel: str) -> NDArray[np.bool_]:
+    """Instants at which a channel, perhaps of a slower clock, was recorded without a gap, shape (N,)."""
+    good = np.flatnonzero(np.isfinite(recording[channel]))
+    inside = np.zeros(len(recording), dtype=bool)
+    if good.size > 1:
+        steps = np.diff(good)
+        inside[good[0] : good[-1]] = np.repeat(steps <= GAP * np.median(steps), steps)
+    inside[good] = True
+    return inside
