@@ -34,7 +34,7 @@ def gyro_channels(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, .
 
 
 def gyro_noise(robot: Robot, recording: Recording, channel: str, cutoff: float) -> float:
-    """rms of a gyro's white noise below `cutoff` [Hz]: stated by the recording or the robot, else estimated."""
+    """rms below `cutoff` [Hz] of a gyro's white noise: as recording or robot state it, else an estimate."""
     found = estimate_noise(recording).get(channel, 0.0)
     for sensor in sensors_of(robot, recording):
         if sensor.channel == channel:

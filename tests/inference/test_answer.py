@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from recorded_arm import COULOMB, VISCOUS, Hidden, asymmetric, nothing, recorded, spring
 
+from missing_physics.answer.unnamed import unnamed
 from missing_physics.diagnosis import diagnose
 from missing_physics.evaluation import evaluate
+from missing_physics.inference import Data, fitted, search, weighed
 from missing_physics.results.result import Result
+from missing_physics.standard import fit_standard
 from robot_model import EffectUse, Recording, Robot, robot_from_toml
 
 
@@ -99,14 +102,20 @@ def test_a_force_of_no_known_effect_stays_without_a_name(arm: Robot) -> None:
     assert told.verdict == "unexplained"
 
 
-def test_a_force_that_held_out_data_do_not_have_is_not_stated(arm: Robot) -> None:
+def test_a_force_that_held_out_data_contradict_is_not_stated(arm: Robot) -> None:
     def bump(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         return 0.8 * np.exp(-8.0 * (position - 0.3) ** 2)
 
-    fit, same, other = recorded(bump, seed=1), recorded(bump, seed=2), recorded(nothing, seed=2)
-    (force,) = diagnose(with_friction(arm), [fit], [same]).diagnosis.unnamed
+    def hollow(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return -bump(time, position, velocity)
+
+    robot, fit = with_friction(arm), recorded(bump, seed=1)
+    standard = fit_standard(robot, [fit])
+    same, other = (Data.of(standard, [fit], [recorded(hidden, seed=2)]) for hidden in (bump, hollow))
+    hypothesis = weighed(search(same)).answer.hypothesis
+    (force,) = unnamed(same, fitted(same, hypothesis))
     assert force.depends_on == ("joint.position",)
-    assert diagnose(with_friction(arm), [fit], [other]).diagnosis.unnamed == ()
+    assert list(unnamed(other, fitted(other, hypothesis))) == []
 
 
 def test_a_quarter_of_a_single_recording_is_held_out(arm: Robot) -> None:

@@ -20,6 +20,7 @@ from recorded_arm import (
 
 from missing_physics.hypotheses import Candidate, Hypothesis, Term
 from missing_physics.inference import Data, fitted, search, weighed
+from missing_physics.inference.fit import residuals
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Screen
 from missing_physics.standard import fit_standard
@@ -92,6 +93,25 @@ def test_a_fold_is_predicted_as_by_a_fit_without_it(arm: Robot) -> None:
     again = fitted(replace(data, blocks=without), whole.hypothesis)
     left_out = data.fold == 2
     assert whole.errors[left_out] == pytest.approx(again.errors[left_out], rel=0.02)
+
+
+def test_errors_are_those_of_the_stated_numbers_where_one_is_at_the_end_of_its_range(arm: Robot) -> None:
+    """Dry friction would have to be negative at speed, which no friction is."""
+
+    def driving(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return -(COULOMB + 0.3) * np.sign(velocity) * (1.0 - np.exp(-((velocity / 0.4) ** 2)))
+
+    data = data_of(arm, driving)
+    start = {"coulomb_torque": COULOMB, "static_torque": COULOMB + 0.1, "stribeck_velocity": 0.4}
+    law = Term.of(get_effect("stribeck_friction"), "joint", start)
+    fit = fitted(data, Candidate(law, (("joint.coulomb", 0.0),)).added_to(Hypothesis()))
+    [found] = fit.hypothesis.terms
+    assert found.parameters["coulomb_torque"] == 0.0
+    assert found.parameters["static_torque"] > 0.1
+    left = residuals(data, fit, 1)
+    stated = fit.errors[~data.seen]
+    again = [np.sum(left[block.rows] ** 2, axis=0) for block in data.blocks if block.run == 1]
+    np.testing.assert_allclose(stated, again, rtol=1e-6)  # the law is linear in what the last step moved
 
 
 def test_a_look_promises_what_a_fit_brings(arm: Robot) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from missing_physics.diagnosis.comparison.predictions import Predictions
 from missing_physics.evaluation import Evaluation
 from missing_physics.results.comparison import Errors
-from missing_physics.results.result import ChannelFit, ChannelSeries, Fit, Result
+from missing_physics.results.result import ChannelFit, ChannelSeries, Result
 
 __all__ = ["restated"]
 

@@ -17,7 +17,7 @@ from robot_model import Recording, load_robot
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLE = ROOT / "examples" / "quanser_two_link"
 FILES = {"2026": ("lqr_full_10deg.mat", "map.toml"), "2011": ("quarc_data_fsf_th11.mat", "map_quarc.toml")}
-#: End of the band [Hz]: the links vibrate at 1 to 3 Hz, the drives tremble at 34 Hz, which no spring explains.
+#: End of the band [Hz]: the links vibrate at 1 to 3 Hz; that the drives tremble at 34 Hz no spring explains.
 CUTOFF = 5.0
 #: Stiffness of the links [N m/rad]: of theory, as in the robot file, and of the maker's impulse tests.
 THEORY = {"flex1": 39.957, "flex2": 6.858}
