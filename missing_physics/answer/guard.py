@@ -55,7 +55,7 @@ def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
         file = _file(data, hypothesis, file)
     if hypothesis is fit.hypothesis:
         return Guarded(fit, file)
-    return Guarded(fitted(data, hypothesis, fit), file)
+    return Guarded(_possible(data, hypothesis, fit), file)
 
 
 def _with_bodies_of(data: Data, hypothesis: Hypothesis, standard: Fit) -> Hypothesis:
@@ -72,7 +72,18 @@ def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
     kept = tuple(term for term in hypothesis.terms if not left_out_of_the_file(term, data))
     if len(kept) == len(hypothesis.terms) and hypothesis is start.hypothesis:
         return start
-    return fitted(data, replace(hypothesis, terms=kept), start)
+    return _possible(data, replace(hypothesis, terms=kept), start)
+
+
+def _possible(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
+    """The fit, without effects whose numbers nothing can have beside what is left."""
+    made = fitted(data, hypothesis, start)
+    while made.impossible:
+        fewer = made.hypothesis
+        for term in made.hypothesis.terms:
+            fewer = fewer.less(term) if term.key in made.impossible else fewer
+        made = fitted(data, fewer, start)
+    return made
 
 
 def _worse(data: Data, made: Fit, standard: Fit) -> list[str]:

@@ -8,13 +8,13 @@ a hypothesis takes from the robot file have a prior around the file's value.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import BODIES, Hypothesis, Term
+from missing_physics.hypotheses import BODIES, Hypothesis, Term, not_credible
 from missing_physics.inference.columns import cut
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.problem import Problem
@@ -39,6 +39,8 @@ EITHER_SIGN = 0.1
 HALVINGS = 6
 #: A parameter is outside its range if it is so by more than rounding [-].
 ROUNDING = 1e-9
+#: A drive at its limit for more than this part of the time follows no command [-].
+MOSTLY = 0.5
 #: Ridge of the normal equations, whose columns have about unit length.
 RIDGE = 1e-9
 
@@ -58,6 +60,7 @@ class Fit:
         hessian: second derivative of the objective by all free parameters.
         cut: rows of each block and joint in which a term cuts the recorded torque, shape (B, n).
         about: parameters of the standard model about which the rows were linearised in the fit, shape (X,).
+        impossible: terms whose numbers nothing can have, with the reason.
     """
 
     hypothesis: Hypothesis
@@ -69,6 +72,7 @@ class Fit:
     hessian: Array
     cut: Array
     about: Array
+    impossible: Mapping[tuple[str, str], str]
 
     def number(self, name: str) -> float:
         """One number of the standard model, or the timing of a joint."""
@@ -217,6 +221,7 @@ def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, en
     errors = problem.errors(apart)
     deviations = _deviation(problem, x, hessian, sigma)
     moved = replace(hypothesis, terms=_moved(hypothesis.terms, x[data.start.size :]))
+    gone = _cut(data, moved.terms)
     return Fit(
         moved,
         x[: data.start.size],
@@ -225,9 +230,37 @@ def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, en
         errors,
         layout,
         hessian,
-        _cut(data, moved.terms),
+        gone,
         data.about_numbers,
+        dict(_impossible(data, moved.terms, x[: data.start.size], gone)),
     )
+
+
+def _impossible(
+    data: Data, terms: Sequence[Term], numbers: Array, gone: Array
+) -> Iterator[tuple[tuple[str, str], str]]:
+    """Terms whose numbers nothing can have, with the reason.
+
+    Args:
+        data: the rows.
+        terms: as fitted.
+        numbers: of the standard model, shape (X,).
+        gone: rows in which terms cut the torque, shape (B, n).
+    """
+    for term in terms:
+        joint, needed = term.at.split(".")[0], 0.0
+        if joint in data.joints:
+            k = data.joints.index(joint)
+            made = (own[k] @ numbers[data.acts[k]] for own in data.own)
+            needed = max(float(np.abs(one).max()) for one in made)
+        why = not_credible(term, data.standard.nominal, needed)
+        if not why and isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
+            k = data.joints.index(term.at)
+            share = float(gone[:, k].sum() / max(data.counts[:, k].sum(), 1.0))
+            if share > MOSTLY:
+                why = f"the drive would be at its limit {share:.0%} of the time, and follow no command"
+        if why:
+            yield term.key, why
 
 
 def _cut(data: Data, terms: Sequence[Term]) -> Array:

@@ -61,7 +61,7 @@ class Search:
     Attributes:
         data: the rows.
         standard: the fit of the standard model.
-        made: all credible hypotheses that were fitted, by key.
+        made: all hypotheses that were fitted, by key.
         shares: ratio of independent samples to samples at each joint, in the residual of the best fit.
         steps: how effects were tried, in order.
         dismissed: effects that fit but are not credible, with the reason.
@@ -97,8 +97,9 @@ class Search:
 
     @property
     def fits(self) -> tuple[Fit, ...]:
-        """All fits, best first."""
-        return tuple(sorted(self.made.values(), key=self.score, reverse=True))
+        """All fits with numbers that can be, best first."""
+        possible = [fit for fit in self.made.values() if not fit.impossible]
+        return tuple(sorted(possible, key=self.score, reverse=True))
 
     @property
     def best(self) -> Fit:
@@ -106,7 +107,11 @@ class Search:
         return max(self.made.values(), key=self.score)
 
     def score(self, fit: Fit) -> float:
-        """Log score of a fit plus the log prior of its effects and parameters [nats]."""
+        """Log score of a fit plus the log prior of its effects and parameters [nats]; none if impossible."""
+        return -np.inf if fit.impossible else self.gain(fit)
+
+    def gain(self, fit: Fit) -> float:
+        """`score` whether or not its numbers can be."""
         return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit)
 
     def keep(self, fit: Fit) -> Fit:

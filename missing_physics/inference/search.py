@@ -21,7 +21,6 @@ from missing_physics.hypotheses import (
     Term,
     UnknownForce,
     candidates,
-    not_credible,
 )
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted, refiled
@@ -29,7 +28,6 @@ from missing_physics.inference.ledger import ODDS, Search, Step, filable
 from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Look, Screen, places
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
-from reference_model.effects.base import JointEffect
 
 __all__ = ["search"]
 
@@ -41,8 +39,6 @@ CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
 #: Rivals whose predicted gain is within this of the best are fitted too, at most twice as many [nats]: a
 #: probability of one in twenty is stated.
 CLOSE = 3.0
-#: A drive at its limit for more than this part of the time follows no command [-].
-MOSTLY = 0.5
 #: A candidate is fitted where its predicted gain is at least this part of the required one.
 PROMISE = 0.5
 
@@ -212,18 +208,11 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
         fit = _timed(state, hypothesis, old)
     except np.linalg.LinAlgError:
         return None
-    for term in fit.hypothesis.terms:
-        joint = term.at.split(".")[0]
-        needed = 0.0
-        if joint in data.joints:
-            made = (design[:, data.joints.index(joint)] @ fit.numbers for design in data.designs)
-            needed = max(float(np.abs(one).max()) for one in made)
-        why = not_credible(term, data.standard.nominal, needed) or _always_cut(data, fit, term)
-        if why:
-            is_new = term.key == candidate.term.key and not term.is_given
-            if is_new and state.score(fit) > state.score(old):
-                state.dismissed.setdefault(term.key, why)
-            return None
+    for key, why in fit.impossible.items():
+        is_new = key == candidate.term.key and not candidate.term.is_given
+        if is_new and state.gain(fit) > state.score(old):
+            state.dismissed.setdefault(key, why)
+        return None
     if not np.all(np.isfinite(fit.errors)) or not _is_felt(data, fit, old):
         return None
     if not candidate.term.is_given:
@@ -235,17 +224,6 @@ def _is_felt(data: Data, fit: Fit, old: Fit) -> bool:
     """Whether a fit explains more than the error of any model at some joint in some block."""
     removed = (old.errors - fit.errors) / np.maximum(data.counts, 1.0)
     return bool(np.any(removed > data.error**2))
-
-
-def _always_cut(data: Data, fit: Fit, term: Term) -> str:
-    """Why a drive cannot have the limit of a term; empty where it can, and for other effects."""
-    if not (isinstance(term.effect, JointEffect) and term.effect.cuts_torque):
-        return ""
-    k = data.joints.index(term.at)
-    share = float(fit.cut[:, k].sum() / max(data.counts[:, k].sum(), 1.0))
-    if share <= MOSTLY:
-        return ""
-    return f"the drive would be at its limit {share:.0%} of the time, and follow no command"
 
 
 def _pruned(state: Search, best: Fit) -> Fit:
