@@ -31,7 +31,6 @@ __all__ = [
     "Finding",
     "Fit",
     "Mismatch",
-    "Order",
     "ParameterChange",
     "Result",
     "Rung",
@@ -72,21 +71,6 @@ class Dependence:
 
 
 @dataclass(frozen=True)
-class Order:
-    """A cycle of a residual along a joint's position, whatever the speed.
-
-    `cycles` are those per turn of the joint, or per metre where `unit` is ``1/m``; `per_motor_turn` those per
-    turn of the motor where there is a gear; `share` is the part that the cycle explains in held-out blocks.
-    """
-
-    variable: str
-    cycles: float
-    unit: str
-    per_motor_turn: float | None
-    share: float
-
-
-@dataclass(frozen=True)
 class Mismatch:
     """One channel in which the nominal model and the recording differ.
 
@@ -102,7 +86,6 @@ class Mismatch:
     depends_on: tuple[Dependence, ...] = ()
     frequency_hz: tuple[float, ...] = ()
     words: str = ""
-    orders: tuple[Order, ...] = ()
 
 
 @dataclass(frozen=True)

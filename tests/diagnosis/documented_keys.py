@@ -19,15 +19,6 @@ SHAPE = {
             "windows": [[float]],
             "depends_on": [{"variable": str, "range": [float], "share": float}],
             "frequency_hz": [float],
-            "orders": [
-                {
-                    "variable": str,
-                    "cycles": float,
-                    "unit": str,
-                    "per_motor_turn": (float, type(None)),
-                    "share": float,
-                }
-            ],
         }
     ],
     "findings": [

@@ -22,7 +22,6 @@ from missing_physics.results.result import (
     Finding,
     Fit,
     Mismatch,
-    Order,
     ParameterChange,
     Unnamed,
 )
@@ -43,10 +42,6 @@ MISMATCH = Mismatch(
     windows=((3.1, 3.9),),
     depends_on=(Dependence("joint2.velocity", (-0.02, 0.02), 0.7),),
     frequency_hz=(1.85,),
-    orders=(
-        Order("joint2.position", 12.0, "1/turn", 0.24, 0.6),
-        Order("slide.position", 50.0, "1/m", None, 0.2),
-    ),
     words="joint2: 83% of the mismatch.",
 )
 COMPARED = Compared("N m", Errors(1.0, 1.1), Errors(0.4, 0.5), Errors(0.2, 0.21), 0.18)
