@@ -44,7 +44,6 @@ def _unnamed(data: Data, fit: Fit, term: Term, effect: UnknownForce, left: float
         channel=f"{term.at}.torque",
         unit=unit,
         depends_on=(variable,),
-        law="",
         share=share,
         left=left,
         knots=(tuple(map(float, knots)),),

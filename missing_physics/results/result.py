@@ -50,15 +50,6 @@ Array = NDArray[np.float64]
 
 #: An interval wider than this part of the prior interval is not informative.
 AS_WIDE = 0.9
-#: Variables of an unnamed curve that are not recorded.
-MEANING = {
-    "path_since_rest": "the travel of {} since it last rested",
-    "time_since_rest": "the time since {} last rested",
-    "last_rest": "how long {} last rested",
-    "turns": "where {} turned before",
-    "time_of_last_way": "how long {} took for the last part of its travel",
-    "past_acceleration": "{}'s acceleration in the past",
-}
 
 
 @dataclass(frozen=True)
@@ -332,11 +323,9 @@ def narrowed(ci95: tuple[float, float], prior95: tuple[float, float]) -> bool:
 
 
 def in_words(name: str) -> str:
-    """``joint1's velocity`` of ``joint1.velocity``: a variable of `Unnamed.depends_on`."""
+    """``joint1's velocity`` of ``joint1.velocity``: the variable of `Unnamed.depends_on`."""
     place, _, quantity = name.rpartition(".")
-    if quantity in MEANING:
-        return MEANING[quantity].format(place)
-    return f"{place}'s {quantity}" if place else quantity
+    return f"{place}'s {quantity}"
 
 
 def _plain(value: Any) -> Any:

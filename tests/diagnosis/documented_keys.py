@@ -46,6 +46,19 @@ SHAPE = {
     },
     "experiments": [{"separates": [str], "do": str, "why": str, "motion": (str, type(None))}],
     "could_not_tell": [str],
+    "unnamed": [
+        {
+            "location": str,
+            "channel": str,
+            "unit": str,
+            "depends_on": [str],
+            "share": float,
+            "left": float,
+            "knots": [[float]],
+            "curves": [{"carrier": str, "torque": [float], "ci95": [[float]]}],
+            "words": str,
+        }
+    ],
     "nominal_changes": [{"name": str, "nominal": float, "estimate": float}],
     "comparison": {
         "channels": {
