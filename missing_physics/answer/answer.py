@@ -98,7 +98,7 @@ def answered(
         summary="",
         mismatch=beyond,
         findings=answer.findings,
-        fit=_fit(data, rows, robot),
+        fit=_fit(rows, robot),
         experiments=needed,
         unnamed=tuple(unnamed(data, answer.fit)),
         could_not_tell=(*_dismissed(found, answer), _not_searched()),
@@ -127,7 +127,7 @@ def _windows(
     return [held_out_windows(rows_of(model, r, band).time) for r in recordings]
 
 
-def _fit(data: Data, rows: Sequence[Rows], robot: Robot) -> Fit:
+def _fit(rows: Sequence[Rows], robot: Robot) -> Fit:
     """Channels that are compared; their errors are added by the comparison."""
     nothing = Errors(float("nan"), float("nan"))
     channels = {}

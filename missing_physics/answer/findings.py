@@ -21,7 +21,7 @@ from missing_physics.results.result import Alternative, Estimate, Finding, Param
 from missing_physics.standard.model import EFFECTS
 from reference_model.effects.base import JointEffect, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
-from robot_model import Drive, Joint, Robot
+from robot_model import Drive, Joint
 
 __all__ = ["STATED", "Answer", "answer_of", "is_large", "keys_of", "of_bodies"]
 
@@ -71,7 +71,6 @@ def answer_of(data: Data, known: Posterior, fit: Fit, bodies: Sequence[Weighty] 
         fit: the stated one.
         bodies: findings about bodies (`of_bodies`).
     """
-    robot = data.standard.nominal
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce) or term.is_given:
@@ -97,7 +96,7 @@ def answer_of(data: Data, known: Posterior, fit: Fit, bodies: Sequence[Weighty] 
     found.sort(key=lambda f: -weight[f.effect, f.location])
     right = adequacies(data, fit)
     found = [replace(f, probability=right(f.location) * min(f.probability, 1.0)) for f in found]
-    changes = (*_changes(data, fit, robot), *_changes_of_laws(data, fit, found))
+    changes = (*_changes(data, fit), *_changes_of_laws(data, fit, found))
     return Answer(fit, tuple(found), changes, timing, named)
 
 
@@ -371,7 +370,7 @@ def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
             yield Timing(run.rows.source, "torque", delay, interval, delay * rate, undone=True)
 
 
-def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
+def _changes(data: Data, fit: Fit) -> Iterator[ParameterChange]:
     """Re-estimated parameters of the robot file that some recorded torque depends on."""
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")

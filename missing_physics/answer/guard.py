@@ -48,7 +48,7 @@ def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
         worse = _worse(data, file, standard)
         if not worse:
             break
-        hypothesis = _standard_at(data, hypothesis, worse, bodies=bodies)
+        hypothesis = _standard_at(hypothesis, worse, bodies=bodies)
         file = _file(data, hypothesis, file)
     if _worse(data, file, standard):
         hypothesis = _with_bodies_of(data, hypothesis, standard)
@@ -94,7 +94,7 @@ def _worse(data: Data, made: Fit, standard: Fit) -> list[str]:
     return [j for j, a, b in zip(data.joints, ours, theirs) if a > WORSE**2 * b]
 
 
-def _standard_at(data: Data, before: Hypothesis, joints: Collection[str], *, bodies: bool) -> Hypothesis:
+def _standard_at(before: Hypothesis, joints: Collection[str], *, bodies: bool) -> Hypothesis:
     """The hypothesis with the standard model at some joints."""
     found = before
     for term in before.terms:

@@ -30,7 +30,7 @@ def _unnamed(data: Data, fit: Fit, term: Term, effect: UnknownForce, left: float
     joint = next(j for j in data.standard.nominal.drives if j.name == term.at)
     unit = "N" if joint.kind == "prismatic" else "N m"
     variable = f"{term.at}.{effect.variable}"
-    knots, shape = effect.knots(term.parameters), effect.shape(term.parameters)
+    knots, shape = effect.knots(term.parameters), effect.shape()
     sizes = np.array([term.parameters[p.name] for p in effect.estimated])
     spread = np.array([fit.deviation(f"{effect.id}@{term.at}.{p.name}") for p in effect.estimated])
     values = -shape @ sizes  # the actuator balances the force
@@ -44,7 +44,6 @@ def _unnamed(data: Data, fit: Fit, term: Term, effect: UnknownForce, left: float
         channel=f"{term.at}.torque",
         unit=unit,
         depends_on=(variable,),
-        law="",
         share=share,
         left=left,
         knots=(tuple(map(float, knots)),),

@@ -44,7 +44,7 @@ class UnknownForce(JointEffect):
         """Knots at which the curve is shown, for these parameters, shape (K,)."""
         return np.linspace(values["low"], values["high"], KNOTS)
 
-    def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+    def shape(self) -> NDArray[np.float64]:
         """Derivatives of the curve at the knots by each estimated parameter, shape (K, P)."""
         return _chebyshev(KNOTS, len(self.estimated))
 
@@ -126,7 +126,7 @@ class _OfVelocity(UnknownForce):
         side = values["low"] * np.sinh(top * np.linspace(0.0, 1.0, KNOTS_OF_SPEED))
         return np.concatenate([-side[::-1], side])
 
-    def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+    def shape(self) -> NDArray[np.float64]:
         """Derivatives at the knots, the backward parameters first."""
         side = _chebyshev(KNOTS_OF_SPEED, OVER_SPEED)
         return np.block([[side[::-1], np.zeros_like(side)], [np.zeros_like(side), side]])

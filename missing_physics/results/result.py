@@ -31,7 +31,6 @@ __all__ = [
     "Finding",
     "Fit",
     "Mismatch",
-    "Order",
     "ParameterChange",
     "Result",
     "Rung",
@@ -51,15 +50,6 @@ Array = NDArray[np.float64]
 
 #: An interval wider than this part of the prior interval is not informative.
 AS_WIDE = 0.9
-#: Variables of an unnamed curve that are not recorded.
-MEANING = {
-    "path_since_rest": "the travel of {} since it last rested",
-    "time_since_rest": "the time since {} last rested",
-    "last_rest": "how long {} last rested",
-    "turns": "where {} turned before",
-    "time_of_last_way": "how long {} took for the last part of its travel",
-    "past_acceleration": "{}'s acceleration in the past",
-}
 
 
 @dataclass(frozen=True)
@@ -68,21 +58,6 @@ class Dependence:
 
     variable: str
     range: tuple[float, float]
-    share: float
-
-
-@dataclass(frozen=True)
-class Order:
-    """A cycle of a residual along a joint's position, whatever the speed.
-
-    `cycles` are those per turn of the joint, or per metre where `unit` is ``1/m``; `per_motor_turn` those per
-    turn of the motor where there is a gear; `share` is the part that the cycle explains in held-out blocks.
-    """
-
-    variable: str
-    cycles: float
-    unit: str
-    per_motor_turn: float | None
     share: float
 
 
@@ -102,7 +77,6 @@ class Mismatch:
     depends_on: tuple[Dependence, ...] = ()
     frequency_hz: tuple[float, ...] = ()
     words: str = ""
-    orders: tuple[Order, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -349,11 +323,9 @@ def narrowed(ci95: tuple[float, float], prior95: tuple[float, float]) -> bool:
 
 
 def in_words(name: str) -> str:
-    """``joint1's velocity`` of ``joint1.velocity``: a variable of `Unnamed.depends_on`."""
+    """``joint1's velocity`` of ``joint1.velocity``: the variable of `Unnamed.depends_on`."""
     place, _, quantity = name.rpartition(".")
-    if quantity in MEANING:
-        return MEANING[quantity].format(place)
-    return f"{place}'s {quantity}" if place else quantity
+    return f"{place}'s {quantity}"
 
 
 def _plain(value: Any) -> Any:

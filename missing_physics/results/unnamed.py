@@ -14,7 +14,7 @@ class Curve:
     Attributes:
         carrier: factor of the curve: "" (none) or "direction" of the joint's motion.
         torque: torque of the actuator beyond that required by the model, at each knot [the channel's unit].
-        ci95: 95 % confidence interval at each knot, infinite where the data do not determine it.
+        ci95: 95 % confidence interval at each knot.
     """
 
     carrier: str
@@ -29,21 +29,19 @@ class Unnamed:
     Attributes:
         location, channel, unit: where it appears.
         depends_on: the variable, a quantity of a joint, as ``joint2.velocity``.
-        law: empty.
         share: part of the residual energy in held-out data that it predicts.
         left: rms of the residual in held-out data without it.
-        knots: of the variable.
-        curves: over the knots.
+        knots: of the variable, in a list of one.
+        curves: the one over the knots.
         words: a sentence.
     """
 
     location: str
     channel: str
     unit: str
-    depends_on: tuple[str, ...]
-    law: str
+    depends_on: tuple[str]
     share: float
     left: float
-    knots: tuple[tuple[float, ...], ...]
-    curves: tuple[Curve, ...]
+    knots: tuple[tuple[float, ...]]
+    curves: tuple[Curve]
     words: str

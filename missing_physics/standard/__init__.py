@@ -1,15 +1,12 @@
 """The standard identification model, which is shown next to every answer."""
 
 from missing_physics.standard.model import JointErrors, StandardModel, fit_standard
-from missing_physics.standard.offset import Offset, torque_offsets
 from missing_physics.standard.rows import MODEL_ERROR, Sample
 
 __all__ = [
     "MODEL_ERROR",
     "JointErrors",
-    "Offset",
     "Sample",
     "StandardModel",
     "fit_standard",
-    "torque_offsets",
 ]

@@ -124,13 +124,6 @@ class BandMotion:
         return np.where(known, self.smooth(np.where(known, self.torque, 0.0)), np.nan)
 
     @property
-    def torque_rate(self) -> Array:
-        """Rate of the torque in the band, shape (N, n) [N m/s or N/s]; NaN columns where not recorded."""
-        known = np.isfinite(self.torque).all(axis=0)
-        smooth = low_passed(np.where(known, self.torque, 0.0), rate=self.rate, cutoff=self.cutoff)
-        return np.where(known, make_interp_spline(self.time, smooth, k=3)(self.time, 1), np.nan)
-
-    @property
     def kept(self) -> slice:
         """Samples that are kept of a filtered series."""
         stride = max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))

@@ -10,15 +10,7 @@ import pytest
 from missing_physics.diagnosis import Options, Result, diagnose
 from missing_physics.recordings import load_recording
 from reference_model.simulation import simulate
-from robot_model import EffectUse, Robot, load_robot
-
-
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    robot = load_robot("two_link_arm")
-    assert robot.reference is not None
-    reference = robot.reference.model_copy(update={"duration": 12.0, "sample_rate": 250.0})
-    return robot.model_copy(update={"reference": reference})
+from robot_model import EffectUse, Robot
 
 
 def diagnosed(arm: Robot, *, experiments: bool = True, **use: object) -> Result:

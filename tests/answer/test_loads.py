@@ -10,17 +10,9 @@ import pytest
 from missing_physics.answer.bodies import _Known, _point_mass
 from missing_physics.diagnosis import Diagnosis, Options, diagnose
 from reference_model.simulation import simulate
-from robot_model import EffectUse, Link, Robot, load_robot
+from robot_model import EffectUse, Link, Robot
 
 LOAD = EffectUse(effect="payload", at="link2", mass=0.6, x=0.4, y=0.0, z=0.0)
-
-
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    robot = load_robot("two_link_arm")
-    assert robot.reference is not None
-    reference = robot.reference.model_copy(update={"duration": 12.0, "sample_rate": 250.0})
-    return robot.model_copy(update={"reference": reference})
 
 
 def off(robot: Robot, factors: Mapping[str, float]) -> Robot:

@@ -52,7 +52,7 @@ def test_a_kind_acts_on_its_own_joint_only(kind: str) -> None:
     case = design(ARM)
     scales = scales_of(case.nominal, np.ones((600, 2)))
     draw = Draw(np.random.default_rng(1))
-    while (foreign := draw_foreign(case.nominal, scales, draw)).kind != kind:
+    while (foreign := draw_foreign(scales, draw)).kind != kind:
         pass
     assert (foreign.other != "") == (kind in COUPLED)
     force, at = foreign_force(case.nominal, foreign), int(foreign.joint[-1]) - 1
@@ -73,4 +73,4 @@ def test_every_kind_comes_up() -> None:
     case = design(ARM)
     scales = scales_of(case.nominal, np.ones((600, 2)))
     draw = Draw(np.random.default_rng(0))
-    assert {draw_foreign(case.nominal, scales, draw).kind for _ in range(200)} == set(KINDS)
+    assert {draw_foreign(scales, draw).kind for _ in range(200)} == set(KINDS)

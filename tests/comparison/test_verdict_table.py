@@ -9,7 +9,7 @@ from missing_physics.results.result import Finding, Unnamed, Verdict
 
 NAME = Finding("coulomb_friction", "joint1", 0.99, {})
 RIVALS = Finding("coulomb_friction", "joint1", 0.6, {}, ambiguous_with=("torque_offset@joint1",))
-CURVE = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), "", 0.5, 1.0, (), (), "A curve.")
+CURVE = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), 0.5, 1.0, (), (), "A curve.")
 
 #: Nominal, standard model, answer, noise.
 AT_NOISE = Held(10.0, 1.1, 1.1, 1.0)

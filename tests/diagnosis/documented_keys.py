@@ -19,15 +19,6 @@ SHAPE = {
             "windows": [[float]],
             "depends_on": [{"variable": str, "range": [float], "share": float}],
             "frequency_hz": [float],
-            "orders": [
-                {
-                    "variable": str,
-                    "cycles": float,
-                    "unit": str,
-                    "per_motor_turn": (float, type(None)),
-                    "share": float,
-                }
-            ],
         }
     ],
     "findings": [
@@ -55,6 +46,19 @@ SHAPE = {
     },
     "experiments": [{"separates": [str], "do": str, "why": str, "motion": (str, type(None))}],
     "could_not_tell": [str],
+    "unnamed": [
+        {
+            "location": str,
+            "channel": str,
+            "unit": str,
+            "depends_on": [str],
+            "share": float,
+            "left": float,
+            "knots": [[float]],
+            "curves": [{"carrier": str, "torque": [float], "ci95": [[float]]}],
+            "words": str,
+        }
+    ],
     "nominal_changes": [{"name": str, "nominal": float, "estimate": float}],
     "comparison": {
         "channels": {

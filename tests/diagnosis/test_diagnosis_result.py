@@ -14,6 +14,7 @@ from missing_physics.results.comparison import Compared, Comparison, LogScore, T
 from missing_physics.results.result import (
     Alternative,
     ChannelFit,
+    Curve,
     Dependence,
     Diagnosis,
     Errors,
@@ -22,7 +23,6 @@ from missing_physics.results.result import (
     Finding,
     Fit,
     Mismatch,
-    Order,
     ParameterChange,
     Unnamed,
 )
@@ -43,11 +43,18 @@ MISMATCH = Mismatch(
     windows=((3.1, 3.9),),
     depends_on=(Dependence("joint2.velocity", (-0.02, 0.02), 0.7),),
     frequency_hz=(1.85,),
-    orders=(
-        Order("joint2.position", 12.0, "1/turn", 0.24, 0.6),
-        Order("slide.position", 50.0, "1/m", None, 0.2),
-    ),
     words="joint2: 83% of the mismatch.",
+)
+UNNAMED = Unnamed(
+    location="joint2",
+    channel="joint2.torque",
+    unit="N m",
+    depends_on=("joint2.velocity",),
+    share=0.6,
+    left=1.0,
+    knots=((-1.0, 1.0),),
+    curves=(Curve("", (-0.5, 0.5), ((-0.6, -0.4), (0.4, 0.6))),),
+    words="Something swings.",
 )
 COMPARED = Compared("N m", Errors(1.0, 1.1), Errors(0.4, 0.5), Errors(0.2, 0.21), 0.18)
 DIAGNOSIS = Diagnosis(
@@ -68,6 +75,7 @@ DIAGNOSIS = Diagnosis(
     ),
     experiments=(Experiment(("a", "b"), "do", "why", "experiment_1.csv"),),
     could_not_tell=("something",),
+    unnamed=(UNNAMED,),
     comparison=Comparison({"joint2.torque": COMPARED}),
     log_score=LogScore(-9.0, -5.0, -4.0),
     timing=(Timing("a.csv", "torque", 0.002, (0.001, 0.003), 0.5, undone=True),),
@@ -126,7 +134,6 @@ def test_summaries_say_what_the_verdict_means() -> None:
     assert "no effect of the catalogue explains it" in said("unexplained")
     assert "no effect of the catalogue explains it" not in explained
     assert "has no name" not in explained
-    more = Unnamed("joint2", "joint2.torque", "N m", ("time",), "", 0.6, 1.0, (), (), "Something swings.")
-    beside = summary(robot, "explained", (MISMATCH,), (FINDING,), fit, (more,))
+    beside = summary(robot, "explained", (MISMATCH,), (FINDING,), fit, (UNNAMED,))
     assert beside.endswith("Part of the mismatch has no name. Something swings.")
-    assert summary(robot, "unexplained", (MISMATCH,), (), fit, (more,)).endswith("Something swings.")
+    assert summary(robot, "unexplained", (MISMATCH,), (), fit, (UNNAMED,)).endswith("Something swings.")

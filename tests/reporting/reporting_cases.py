@@ -20,7 +20,6 @@ from missing_physics.results.result import (
     Finding,
     Fit,
     Mismatch,
-    Order,
     ParameterChange,
     Result,
     Rung,
@@ -123,7 +122,6 @@ def _diagnosis(fit: Fit, seconds: float) -> Diagnosis:
                 windows=((0.15 * seconds, 0.2 * seconds), (0.6 * seconds, 0.64 * seconds)),
                 depends_on=(Dependence("joint2.velocity", (-0.02, 0.02), 0.07),),
                 frequency_hz=(0.43, 1.29),
-                orders=(Order("joint2.position", 12.0, "1/turn", 0.24, 0.05),),
                 words="Changes sign with the velocity of joint2 and keeps its size.",
             ),
         ),
@@ -207,7 +205,6 @@ def _renamed(result: Result, name: str) -> Result:
             m,
             **{"channel": name, "location": name, "words": name},
             depends_on=(Dependence(name, (0.0, 1.0), 0.5),),
-            orders=(Order(name, 2.0, name, None, 0.5),),
         )
         for m in diagnosis.mismatch
     )

@@ -1,4 +1,4 @@
-"""What moves in the 3-D view of a diagnosis: joints, free base, bent links, simulated models."""
+"""What moves in the 3-D view of a diagnosis: joints, free base, bent links."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from reporting_cases import empty_result
 from rerun.chunk import RrdReader
 
@@ -23,13 +22,13 @@ def robot() -> Robot:
     return load_robot("flexible_space_robot")
 
 
-def series(joint: str, quantity: str) -> ChannelSeries:
+def series(joint: str) -> ChannelSeries:
     values = np.sin(TIME) * (1 if joint == "joint1" else -2)
     return ChannelSeries(
         recording="flight.csv",
         role="train",
-        channel=f"{joint}.{quantity}",
-        unit="rad",
+        channel=f"{joint}.torque",
+        unit="N m",
         location=joint,
         time=TIME,
         measured=values,
@@ -37,14 +36,12 @@ def series(joint: str, quantity: str) -> ChannelSeries:
         augmented=values + 0.01,
         held_out=np.zeros(TIME.size, dtype=bool),
         noise_floor=1e-3,
-        position=None if quantity == "position" else values,
+        position=values,
     )
 
 
-def run(quantity: str) -> Run:
-    return Run(
-        "run1", "flight.csv", "flight.csv", "train", (series("joint1", quantity), series("joint2", quantity))
-    )
+def run() -> Run:
+    return Run("run1", "flight.csv", "flight.csv", "train", (series("joint1"), series("joint2")))
 
 
 def recording(**changes: np.ndarray) -> Recording:
@@ -59,14 +56,14 @@ def recording(**changes: np.ndarray) -> Recording:
     return Recording(TIME, {**channels, **changes}, "flight.csv")
 
 
-def drawn(quantity: str, given: Recording | None) -> Motion:
-    found = motion(run(quantity), robot(), given)
+def drawn(given: Recording | None) -> Motion:
+    found = motion(run(), robot(), given)
     assert found is not None
     return found
 
 
 def test_a_recorded_base_turns_and_a_recorded_deflection_bends_the_link() -> None:
-    found = drawn("torque", recording())
+    found = drawn(recording())
     angle = 0.2 * found.time
     x_axis = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     # Attitudes are interpolated between samples of 4 mrad: second order of that.
@@ -76,11 +73,10 @@ def test_a_recorded_base_turns_and_a_recorded_deflection_bends_the_link() -> Non
     assert "base" not in found.title
     moved = found.recorded.deflections["link2"]
     assert np.allclose(moved[:, 1], 100 * 0.003 * np.sin(found.time), atol=1e-4)
-    assert not found.models
 
 
 def test_what_was_not_recorded_is_said() -> None:
-    found = drawn("torque", None)
+    found = drawn(None)
     assert found.title == "Recorded motion; base held still; links straight: no deflection recorded"
     assert not found.recorded.deflections["link2"].any()
 
@@ -90,27 +86,14 @@ def test_a_quaternion_that_changes_its_sign_is_the_same_attitude() -> None:
     given = Recording(time, {name: np.interp(time, TIME, y) for name, y in recording().channels.items()}, "a")
     sign = np.where(np.arange(time.size) % 3, 1.0, -1.0)
     flipped = {name: sign * y if "attitude" in name else y for name, y in given.channels.items()}
-    here, there = drawn("torque", given), drawn("torque", Recording(time, flipped, "b"))
+    here, there = drawn(given), drawn(Recording(time, flipped, "b"))
     first, second = (found.recorded.poses["base"].rotation for found in (here, there))
     assert np.allclose(first, second, atol=1e-12)  # rounding
 
 
-def test_free_runs_of_the_models_are_drawn_beside_the_recording() -> None:
-    found = drawn("position", recording())
-    assert "models as wires" in found.title
-    assert set(found.models) == {"nominal", "augmented"}
-    recorded = found.recorded.poses["link1"].rotation
-    for model, apart in (("nominal", 0.3), ("augmented", 0.01)):
-        turned = found.models[model].poses["link1"].rotation
-        cosine = np.einsum("nij,nij->n", recorded, turned)
-        assert np.allclose(np.arccos((cosine - 1) / 2), apart, atol=1e-6)
-
-
-@pytest.mark.parametrize("quantity", ["torque", "position"])
-def test_the_file_holds_the_bent_link(quantity: str, tmp_path: Path) -> None:
-    result = replace(empty_result("consistent", series=False), series=run(quantity).series)
+def test_the_file_holds_the_bent_link(tmp_path: Path) -> None:
+    result = replace(empty_result("consistent", series=False), series=run().series)
     target = tmp_path / "comparison.rrd"
     write_rerun(result, robot(), target, recordings=[recording()])
     paths = {str(chunk.entity_path) for chunk in RrdReader(target).stream()}
     assert "/run1/robot/link2/bent" in paths
-    assert ("/run1/models/nominal/link2/bent" in paths) is (quantity == "position")

@@ -141,7 +141,7 @@ def test_the_first_line_brackets_the_rivals_of_each_finding() -> None:
 
 def test_proven_names_beside_something_without_a_name_do_not_claim_everything() -> None:
     result = hidden_friction(seconds=4.0)
-    more = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), "", 0.5, 1.0, (), (), "A curve.")
+    more = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), 0.5, 1.0, (), (), "A curve.")
     text = printed(replace(result, diagnosis=replace(result.diagnosis, unnamed=(more,))))
     assert "a further force has no name" in text
     assert "The mismatch is named" not in text

@@ -82,7 +82,7 @@ def draw_design(number: int) -> Design:
     warm = later.chance.random() < THERMOMETER
     warming = draw_warming(joints[int(later.chance.integers(len(joints)))], later) if warm else None
     scales = scales_of(robot, _needed(robot))
-    foreign = draw_foreign(robot, scales, d) if family == "foreign" else None
+    foreign = draw_foreign(scales, d) if family == "foreign" else None
     robot, hidden = Hiding(kind, family, scales, warming, d, later).hide(robot)
     if family == "remote":
         robot = _unseen(robot, hidden[0].at)

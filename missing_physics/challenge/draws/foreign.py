@@ -234,8 +234,8 @@ KINDS: Mapping[str, tuple[type[_JointForce], Maker]] = MappingProxyType(
 COUPLED = ("coupled_friction", "coupled_damping")
 
 
-def draw_foreign(robot: Robot, scales: Mapping[str, Scale], d: Draw) -> Foreign:
-    """One kind at one joint of `robot`, drawn with its parameters."""
+def draw_foreign(scales: Mapping[str, Scale], d: Draw) -> Foreign:
+    """One kind at one joint, drawn with its parameters."""
     joints = list(scales)
     kinds = [kind for kind in KINDS if len(joints) > 1 or kind not in COUPLED]
     kind = kinds[int(d.chance.integers(len(kinds)))]

@@ -93,7 +93,7 @@ class Hiding:
         if part == "body":
             return robot, _body(robot, d)
         if part == "sensor":
-            return robot, _sensor(robot, joint, scale, d)
+            return robot, _sensor(joint, scale, d)
         return self._between(robot, joint, scale) or self._at_joint(robot, joint, scale)
 
     def _unseen(self, robot: Robot) -> EffectUse:
@@ -152,7 +152,7 @@ def _body(robot: Robot, d: Draw) -> EffectUse:
     return _use(effect, link.name, BODY[effect](d, link))
 
 
-def _sensor(robot: Robot, joint: str, scale: Scale, d: Draw) -> EffectUse:
+def _sensor(joint: str, scale: Scale, d: Draw) -> EffectUse:
     effect = list(SENSOR)[int(d.chance.integers(len(SENSOR)))]
     quantities, draw = SENSOR[effect]
     quantity = str(d.chance.choice(quantities))

@@ -50,7 +50,7 @@ def found_gears(robot: Robot, gap: TransmissionResult) -> FoundGears:
         }
         if not own:
             continue
-        reason = _unwritten(robot, joint)
+        reason = _unwritten(joint)
         if reason:
             words.append(f"{' and '.join(own)} at {joint.name}: not in the augmented robot file: {reason}.")
             continue
@@ -77,7 +77,7 @@ def found_sensors(findings: Sequence[Finding]) -> tuple[EffectUse, ...]:
     )
 
 
-def _unwritten(robot: Robot, joint: Joint) -> str:
+def _unwritten(joint: Joint) -> str:
     """Why the effects in this gear cannot stand in the file; empty where they can."""
     if joint.actuator is None or joint.actuator.rotor_inertia <= 0:
         return "its actuator has no rotor_inertia, so that its motor cannot move by itself"

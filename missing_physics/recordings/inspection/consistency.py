@@ -162,12 +162,12 @@ def _gears(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
         scale, sign = 1.0 / abs(ratio), math.copysign(1.0, ratio)
         if gear > 1.0 and abs(math.log(scale / gear)) < OTHER:
             words = f"is the motor's own angle, {scale:.4g} times the joint's; divide it by the gear's ratio"
-            yield _motor(channel, place, words, sign / gear)
+            yield _motor(channel, words, sign / gear)
         elif gear > 1.0 and abs(math.log(scale * gear)) < OTHER:
-            yield _motor(channel, place, "is divided by the gear's ratio twice", sign * gear)
+            yield _motor(channel, "is divided by the gear's ratio twice", sign * gear)
         elif abs(math.log(scale)) > math.log(MOST_GAIN) and not _degrees(scale):
             words = f"is {scale:.4g} times {place}.position; it is expected on the joint's side of the gear"
-            yield _motor(channel, place, words, sign / scale)
+            yield _motor(channel, words, sign / scale)
 
 
 def _degrees(scale: float) -> bool:
@@ -175,7 +175,7 @@ def _degrees(scale: float) -> bool:
     return abs(abs(math.log(scale)) - math.log(180.0 / math.pi)) < OTHER
 
 
-def _motor(channel: str, place: str, words: str, scale: float) -> Finding:
+def _motor(channel: str, words: str, scale: float) -> Finding:
     return Finding(
         "error", "gear_ratio", channel, f"{channel} {words}.", {}, (Correction(channel, scale=scale),)
     )

@@ -1,4 +1,4 @@
-"""The motion of a diagnosed robot for the 3-D view: as recorded, and as both models ran it freely.
+"""The recorded motion of a diagnosed robot for the 3-D view.
 
 Joint positions come from the result. A recorded free base (attitude, position) and recorded flexible links
 (deflection of the tip) are drawn too; otherwise the base stays at its initial pose and links are straight,
@@ -7,7 +7,6 @@ which the view's title says.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,7 +15,6 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from missing_physics.reporting.elements import palette
 from missing_physics.reporting.elements.runs import Run
 from missing_physics.reporting.scene.deflection import magnification
 from missing_physics.reporting.scene.drawing import Colour, Drawing, Look, eye_for, send_robot
@@ -25,15 +23,13 @@ from missing_physics.reporting.scene.skeleton import Poses, poses
 from missing_physics.results.result import ChannelSeries
 from robot_model import Recording, Robot
 
-__all__ = ["MODELS", "MOST_POSES", "Motion", "motion", "send_motion"]
+__all__ = ["MOST_POSES", "Motion", "motion", "send_motion"]
 
 MOST_POSES = 6000
 #: Poses per second: what a screen shows.
 POSE_RATE = 60.0
 BASE_COLOUR = (150, 150, 150)
 LINK_COLOURS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (204, 121, 167), (0, 114, 178))
-#: Simulated motions of the models, as wires in the colours of their plots.
-MODELS = {"nominal": palette.BEFORE, "augmented": palette.AFTER_ON_DARK}
 
 Array = NDArray[np.float64]
 
@@ -45,14 +41,12 @@ class Motion:
     Attributes:
         time: instants of the poses [s], shape (N,).
         recorded: the robot as recorded.
-        models: simulated motions of the models where the result holds any, by name.
         title: of the view: what moves, what does not, by what factor deflections are magnified.
         eye: that sees all of the motion.
     """
 
     time: Array
     recorded: Drawing
-    models: Mapping[str, Drawing]
     title: str
     eye: Eye
 
@@ -70,39 +64,26 @@ def motion(run: Run, robot: Robot, recording: Recording | None = None) -> Motion
         return None
     base = _base(robot, recording, time)
     deflections, factor = _deflections(robot, recording, time)
-    positions = _positions(run, robot, time, "recorded")
+    positions = _positions(run, robot, time)
     recorded = Drawing(poses(robot, positions, base=base, deflections=deflections), deflections)
-    models = {}
-    for model in MODELS:
-        ran = _positions(run, robot, time, model)
-        if ran:
-            placed = poses(robot, {**positions, **ran}, base=base, deflections=deflections)
-            models[model] = Drawing(placed, deflections)
-    title = _title(robot, models, factor, base=base is not None)
-    return Motion(time, recorded, models, title, eye_for(robot, (recorded, *models.values())))
+    title = _title(robot, factor, base=base is not None)
+    return Motion(time, recorded, title, eye_for(robot, (recorded,)))
 
 
 def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot, motion: Motion | None) -> None:
-    """The recorded robot as a solid, the models' simulated motions as wires; nothing without a motion."""
+    """The recorded robot; nothing without a motion."""
     if motion is None:
         return
     look = Look(partial(_colour, tuple(motion.recorded.poses)))
     send_robot(stream, robot, motion.recorded, motion.time, path=partial(run.path, "robot"), look=look)
-    for model, drawing in motion.models.items():
-        wires = Look(partial(_rgb, MODELS[model]), solid=False)
-        send_robot(stream, robot, drawing, motion.time, path=partial(run.path, "models", model), look=wires)
 
 
 def _colour(bodies: tuple[str, ...], body: str) -> Colour:
     return BASE_COLOUR if body == "base" else LINK_COLOURS[(bodies.index(body) - 1) % len(LINK_COLOURS)]
 
 
-def _rgb(colour: str, body: str) -> Colour:
-    return (int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16))
-
-
-def _title(robot: Robot, models: Mapping[str, Drawing], factor: float | None, *, base: bool) -> str:
-    words = ["Recorded motion" + (", models as wires" if models else "")]
+def _title(robot: Robot, factor: float | None, *, base: bool) -> str:
+    words = ["Recorded motion"]
     if robot.base.kind == "free" and not base:
         words.append("base held still")
     if robot.flexible_links:
@@ -114,10 +95,9 @@ def _title(robot: Robot, models: Mapping[str, Drawing], factor: float | None, *,
 
 
 def _known(run: Run, robot: Robot) -> list[ChannelSeries]:
-    """Series from which a joint's position is known: one along a force, or the position itself."""
+    """Series from which a joint's position is known."""
     joints = {joint.name for joint in robot.moving_joints}
-    found = [s for s in run.series if s.location in joints and s.time.size > 1]
-    return [s for s in found if s.position is not None or s.channel == f"{s.location}.position"]
+    return [s for s in run.series if s.location in joints and s.time.size > 1 and s.position is not None]
 
 
 def _instants(run: Run, robot: Robot) -> Array:
@@ -129,15 +109,11 @@ def _instants(run: Run, robot: Robot) -> Array:
     return np.linspace(start, stop, count)
 
 
-def _positions(run: Run, robot: Robot, time: Array, which: str) -> dict[str, Array]:
-    """Joint to its positions at `time`, as recorded or as a model ran."""
+def _positions(run: Run, robot: Robot, time: Array) -> dict[str, Array]:
+    """Joint to its recorded positions at `time`."""
     found: dict[str, Array] = {}
     for series in _known(run, robot):
-        own = series.channel == f"{series.location}.position"
-        values = getattr(series, "measured" if which == "recorded" else which) if own else series.position
-        if which != "recorded" and not own:
-            continue
-        assert values is not None
+        values = np.asarray(series.position)
         finite = np.isfinite(values)
         if finite.any():
             found[series.location] = np.interp(time, series.time[finite], values[finite])

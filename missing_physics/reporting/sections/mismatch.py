@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from missing_physics.reporting.elements.formatting import number, p_value_text, percent
 from missing_physics.reporting.sections.base import Section
-from missing_physics.results.result import Dependence, Mismatch, Order, Result
+from missing_physics.results.result import Dependence, Mismatch, Result
 from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of
 
@@ -34,9 +34,7 @@ def _row(mismatch: Mismatch, prismatic: set[str]) -> dict[str, object]:
         "p_value": p_value_text(mismatch.p_value),
         "windows": _listed([range_text(*window, "s") for window in mismatch.windows]),
         "depends_on": [_dependence(d, prismatic) for d in mismatch.depends_on],
-        "peaks": _listed(
-            [*(f"{number(f)} Hz" for f in mismatch.frequency_hz), *(_cycle(o) for o in mismatch.orders)]
-        ),
+        "peaks": _listed([f"{number(f)} Hz" for f in mismatch.frequency_hz]),
     }
 
 
@@ -45,14 +43,6 @@ def _dependence(dependence: Dependence, prismatic: set[str]) -> str:
     unit = "s" if place == "time" else unit_of(dependence.variable, prismatic=place in prismatic)
     where = range_text(*dependence.range, unit)
     return f"{dependence.variable} {where}: {percent(dependence.share)} of its energy"
-
-
-def _cycle(order: Order) -> str:
-    joint = order.variable.split(".")[0]
-    per = "turn" if order.unit == "1/turn" else "metre"
-    motor = order.per_motor_turn
-    of_motor = "" if motor is None else f", {number(motor)} per turn of its motor"
-    return f"{number(order.cycles)} per {per} of {joint}{of_motor}: {percent(order.share)} of its energy"
 
 
 def _listed(items: list[str]) -> list[str]:

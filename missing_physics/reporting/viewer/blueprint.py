@@ -69,8 +69,7 @@ def _channel(run: Run, series: ChannelSeries) -> rrb.Container:
 def _robot(run: Run, motion: Motion) -> rrb.Spatial3DView:
     """Seen from in front and above; the whole motion fits in."""
     return rrb.Spatial3DView(
-        origin=f"/{run.name}",
-        contents=["$origin/robot/**", "$origin/models/**"],
+        origin=f"/{run.path('robot')}",
         name=motion.title,
         eye_controls=motion.eye.controls,
     )

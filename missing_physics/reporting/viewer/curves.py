@@ -1,14 +1,12 @@
 """Curves of unnamed forces in the rerun viewer.
 
 A rerun plot is over time. A curve over anything else is drawn with its axes as lines in a plane, scaled to a
-frame, and its numbers are stored separately, unscaled; a surface has a line for each knot of its first
-variable.
+frame, and its numbers are stored separately, unscaled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from missing_physics.reporting.elements import palette
-from missing_physics.reporting.elements.curves import Band, Panel, Variable, panels, title_of, variables
+from missing_physics.reporting.elements.curves import Drawn, drawn
 from missing_physics.reporting.elements.formatting import number
 from missing_physics.results.result import Unnamed
 from robot_model import Robot
@@ -38,106 +36,42 @@ RAISED = 0.05
 #: About so many ticks on an axis, and room beyond a curve as a share of its range.
 TICKS, MARGIN = 5, 0.06
 GREY = (150, 150, 150)
-COLOURS = {"forward": palette.FORWARDS, "backward": palette.BACKWARDS}
 #: Radii of lines in points of the screen, which rerun writes as negative numbers.
 CURVE, EDGE = -1.8, -0.8
 
 
-@dataclass(frozen=True)
-class Picture:
-    """Content of a frame: entity path, name, variables (the axis last) and curves."""
-
-    path: str
-    name: str
-    over: tuple[Variable, ...]
-    panel: Panel
-
-
 def curve_views(unnamed: tuple[Unnamed, ...], robot: Robot) -> list[rrb.View]:
-    """A view for each picture."""
+    """A view for each force."""
     return [
-        rrb.Spatial2DView(origin=f"/{picture.path}", name=picture.name, visual_bounds=BOUNDS)
-        for picture in _pictures(unnamed, robot)
+        rrb.Spatial2DView(origin=f"/{path}", name=curve.title, visual_bounds=BOUNDS)
+        for path, curve in _curves(unnamed, robot)
     ]
 
 
 def send_curves(stream: rr.RecordingStream, unnamed: tuple[Unnamed, ...], robot: Robot) -> None:
     """Every measured curve, static, with its interval."""
-    for picture in _pictures(unnamed, robot):
-        _send(stream, picture)
+    for path, curve in _curves(unnamed, robot):
+        _send(stream, path, curve)
 
 
-def _pictures(unnamed: tuple[Unnamed, ...], robot: Robot) -> Iterator[Picture]:
-    """One for each panel; of surfaces one for each direction of motion."""
-    for item in unnamed:
-        over = variables(item, robot)
-        made = panels(item, robot)
-        if len(over) > 1:
-            made = tuple(
-                replace(panel, words=band.words, bands=(band,)) for panel in made for band in panel.bands
-            )
-        for order, panel in enumerate(made):
-            path = str(rr.new_entity_path(["unnamed", item.channel, f"part{order + 1}"]))
-            yield Picture(path, ": ".join(filter(None, (title_of(item), panel.words))), over, panel)
+def _curves(unnamed: tuple[Unnamed, ...], robot: Robot) -> Iterator[tuple[str, Drawn]]:
+    """Entity path and curve of each force; a channel may have several."""
+    for order, item in enumerate(unnamed, 1):
+        yield str(rr.new_entity_path(["unnamed", item.channel, f"curve{order}"])), drawn(item, robot)
 
 
-def _send(stream: rr.RecordingStream, picture: Picture) -> None:
-    panel, over = picture.panel, picture.over[-1]
-    across = _span(np.concatenate([band.knots if band.knots.size else over.knots for band in panel.bands]))
-    heights = [band.value for band in panel.bands]
-    if len(picture.over) == 1:
-        heights += [x for band in panel.bands for x in (band.low, band.high)]
-    upright = _span(np.concatenate([[0.0], *(x.ravel() for x in heights)]))
-
-    def placed(x: Array, y: Array) -> list[Array]:
-        """Lines in the plane, of shape (N, 2) each, one for each stretch without gaps."""
-        points = np.column_stack([WIDTH * _share(x, across), HEIGHT * (1.0 - _share(y, upright))])
-        return [points[part] for part in np.ma.clump_unmasked(np.ma.masked_invalid(y))]
-
-    words = f"{over.name} [{over.unit}]", f"{panel.channel} [{panel.unit}]"
-    _send_frame(stream, f"{picture.path}/frame", (across, upright), words)
-    for band in panel.bands:
-        path = f"{picture.path}/{band.carrier or 'curve'}"
-        colour = _rgb(COLOURS.get(band.carrier, palette.AFTER_ON_DARK))
-        if len(picture.over) == 1:
-            for name, values, radius in (
-                ("value", band.value, CURVE),
-                ("low", band.low, EDGE),
-                ("high", band.high, EDGE),
-            ):
-                strips = placed(band.knots, values)
-                stream.log(
-                    f"{path}/{name}", rr.LineStrips2D(strips, colors=[colour], radii=[radius]), static=True
-                )
-        else:
-            _send_family(stream, f"{path}/value", picture.over[0], band, lambda y: placed(over.knots, y))
-        over_all = [v.knots for v in picture.over] if len(picture.over) > 1 else [band.knots]
-        held: dict[str, Any] = {f"knots{k}": knots for k, knots in enumerate(over_all, 1)}
-        held |= {"value": band.value.ravel(), "low": band.low.ravel(), "high": band.high.ravel()}
-        stream.log(path, rr.AnyValues(**held, unit=panel.unit), static=True)
-
-
-def _send_family(
-    stream: rr.RecordingStream,
-    path: str,
-    first: Variable,
-    band: Band,
-    placed: Callable[[Array], list[Array]],
-) -> None:
-    """A line for each knot of the first variable, from blue at its least to vermilion at its greatest."""
-    ends = np.array([_rgb(palette.AFTER_ON_DARK), _rgb(palette.BEFORE)], dtype=float)
-    strips, labels, colours = [], [], []
-    for knot, row in zip(first.knots, band.value):
-        share = float(_share(knot, (first.knots[0], first.knots[-1])))
-        for order, strip in enumerate(placed(row)):
-            strips.append(strip)
-            labels.append("" if order else f"{number(float(knot))} {first.unit}")
-            colours.append(np.round(ends[0] + share * (ends[1] - ends[0])).astype(np.uint8))
-    stream.log(
-        path,
-        rr.LineStrips2D(strips, colors=colours, labels=labels, radii=[CURVE], show_labels=True),
-        static=True,
-    )
+def _send(stream: rr.RecordingStream, path: str, curve: Drawn) -> None:
+    lines = {"value": curve.value, "low": curve.low, "high": curve.high}
+    across, upright = _span(curve.knots), _span(np.concatenate([[0.0], *lines.values()]))
+    _send_frame(stream, f"{path}/frame", (across, upright), (curve.across, curve.upright))
+    colour = _rgb(palette.AFTER_ON_DARK)
+    for name, values in lines.items():
+        points = [WIDTH * _share(curve.knots, across), HEIGHT * (1.0 - _share(values, upright))]
+        radius = CURVE if name == "value" else EDGE
+        strip = rr.LineStrips2D([np.column_stack(points)], colors=[colour], radii=[radius])
+        stream.log(f"{path}/{name}", strip, static=True)
+    held: dict[str, Any] = {"knots": curve.knots, **lines, "across": curve.across, "upright": curve.upright}
+    stream.log(path, rr.AnyValues(**held), static=True)
 
 
 def _send_frame(
@@ -168,7 +102,7 @@ def _send_frame(
 
 
 def _span(values: Array) -> Span:
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    low, high = float(np.min(values)), float(np.max(values))
     room = MARGIN * (high - low) or 1.0
     return low - room, high + room
 

@@ -14,8 +14,7 @@ Entity paths, with ``RUN`` = ``run1``, ``run2``, ... for the recordings in the o
 ``RUN/lanes/data``                state ``held out`` where a sample was not fitted, else ``fitted``
 ``RUN/robot/BODY``                moving frames of the bodies, boxes and lines (a joint's position known)
 ``RUN/robot/LINK/bent``, ``tip``  a flexible link as drawn, its deflection magnified as the view says
-``RUN/models/MODEL/BODY``         the same of a model's simulation, as wires (``nominal``, ``augmented``)
-``unnamed/CHANNEL/part1/CURVE``   a measured curve of what stays without a name, static: its knots, values and
+``unnamed/CHANNEL/curve1``        the measured curve of a force without a name, static: its knots, values and
                                   95 % interval; ``value``, ``low``, ``high`` as lines in a frame
 ================================  ====================================================================
 
