@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings import estimate_noise, sensors_of
+from missing_physics.recordings import noise_of, sensor_of
 from robot_model import Recording, Robot
 
 __all__ = ["gyro_channels", "gyro_noise"]
@@ -35,10 +35,11 @@ def gyro_channels(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, .
 
 def gyro_noise(robot: Robot, recording: Recording, channel: str, cutoff: float) -> float:
     """rms below `cutoff` [Hz] of a gyro's white noise: as recording or robot state it, else an estimate."""
-    found = estimate_noise(recording).get(channel, 0.0)
-    for sensor in sensors_of(robot, recording):
-        if sensor.channel == channel:
-            found = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0)))
+    sensor = sensor_of(robot, recording, channel)
+    if sensor is None:
+        found = noise_of(recording, channel)
+    else:
+        found = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0)))
     time = recording.time[np.isfinite(recording[channel])]
     return float(found * np.sqrt(min(1.0, 2.0 * cutoff * float(np.median(np.diff(time))))))
 

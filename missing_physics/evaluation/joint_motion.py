@@ -17,7 +17,7 @@ from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.evaluation.band import Band, low_passed, thinned
 from missing_physics.evaluation.sensors import without_error
 from missing_physics.evaluation.sliding import directions, shares, slides
-from missing_physics.recordings import estimate_noise, sensor_of
+from missing_physics.recordings import noise_of, sensor_of
 from reference_model.control.laws import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import used_effects
@@ -192,13 +192,14 @@ class _Reader:
 
         For white noise below a cut-off f: the integral of (2 pi f)^2 times its density.
         """
-        noise, found = estimate_noise(self.recording), []
+        found = []
         for channel in self._encoders["joint"]:
             sensor = sensor_of(self.robot, self.recording, channel)
             if sensor is not None:
                 white, rounded = sensor.noise, sensor.resolution
             else:
-                white, rounded = noise[channel], self.recording.resolution.get(channel, 0.0)
+                white = noise_of(self.recording, channel)
+                rounded = self.recording.resolution.get(channel, 0.0)
             found.append(float(np.hypot(white, rounded / 12**0.5)))
         cutoff = self.band.motion
         return np.array(found) * np.sqrt(2.0 / self.rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0)

@@ -273,12 +273,12 @@ class Data:
         """Error of the model itself, which no hypothesis explains, rms at each joint, shape (n,)."""
         return MODEL_ERROR * self.torque
 
-    @property
+    @cached_property
     def joints(self) -> tuple[str, ...]:
         """Names of the moving joints."""
         return tuple(self.runs[0].model.joints)
 
-    @property
+    @cached_property
     def fold(self) -> NDArray[np.int_]:
         """Fold of each block, shape (B,)."""
         return np.array([block.fold for block in self.blocks])
@@ -288,7 +288,7 @@ class Data:
         """The folds that are fitted."""
         return tuple(sorted({block.fold for block in self.blocks} - {HELD_OUT}))
 
-    @property
+    @cached_property
     def seen(self) -> NDArray[np.bool_]:
         """Blocks that are fitted, shape (B,)."""
         return self.fold != HELD_OUT
@@ -298,7 +298,7 @@ class Data:
         """How many recordings are fitted."""
         return 1 + max(block.run for block in self.blocks if block.fold != HELD_OUT)
 
-    @property
+    @cached_property
     def counts(self) -> Array:
         """Rows compared in each block at each joint, shape (B, n)."""
         return np.array([block.count for block in self.blocks])

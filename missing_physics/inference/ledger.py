@@ -75,6 +75,7 @@ class Search:
     steps: list[Step] = field(default_factory=list)
     dismissed: dict[tuple[str, str], str] = field(default_factory=dict)
     looked: dict[int, tuple[Fit, Array, Sequence[Any]]] = field(default_factory=dict, repr=False)
+    _scores: dict[int, tuple[Fit, Array, float]] = field(default_factory=dict, repr=False)
     _others: list[Data] = field(default_factory=list, repr=False)
 
     def about(self, fit: Fit) -> Data:
@@ -112,7 +113,11 @@ class Search:
 
     def gain(self, fit: Fit) -> float:
         """`score` whether or not its numbers can be."""
-        return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit)
+        known = self._scores.get(id(fit))
+        if known is None or known[0] is not fit or known[1] is not self.shares:
+            total = float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit)
+            self._scores[id(fit)] = known = fit, self.shares, total
+        return known[2]
 
     def keep(self, fit: Fit) -> Fit:
         """Remember a fit."""

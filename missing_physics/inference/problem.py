@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,23 +87,49 @@ class Problem:
         found = np.empty_like(self.data.counts)
         held = range(self.data.fitted, len(self.data.runs))
         rows = {**self.rows, **rows_of(self.data, self.terms, held)}
-        for number, block in enumerate(self.data.blocks):
-            x = apart[block.fold]
-            for k, joint in enumerate(rows[block.run]):
-                left = joint.target[block.rows] - joint.columns[block.rows] @ x[joint.acts]
-                found[number, k] = left @ left
+        for fold, run, numbers in _neighbours(self.data):
+            x, cuts = apart[fold], _cuts(self.data, numbers)
+            for k, joint in enumerate(rows[run]):
+                part = slice(cuts[0], cuts[-1])
+                left = joint.target[part] - joint.columns[part] @ x[joint.acts]
+                found[numbers, k] = _sums(left**2, cuts)
         return found
 
     def scores(self, x: Array, weight: Array) -> Array:
         """Gradient of the log-likelihood of each fitted block, shape (B, Y)."""
-        blocks = [block for block in self.data.blocks if block.fold != HELD_OUT]
-        found = np.zeros((len(blocks), x.size))
-        for own, block in zip(found, blocks):
-            for k, joint in enumerate(self.rows[block.run]):
-                columns = joint.columns[block.rows]
-                left = joint.target[block.rows] - columns @ x[joint.acts]
-                own[joint.acts] += weight[k] * (left @ columns)
-        return found
+        found = np.zeros((len(self.data.blocks), x.size))
+        for fold, run, numbers in _neighbours(self.data):
+            if fold == HELD_OUT:
+                continue
+            cuts = _cuts(self.data, numbers)
+            part = slice(cuts[0], cuts[-1])
+            for k, joint in enumerate(self.rows[run]):
+                columns = joint.columns[part]
+                left = joint.target[part] - columns @ x[joint.acts]
+                found[np.ix_(numbers, joint.acts)] += weight[k] * _sums(left[:, None] * columns, cuts)
+        return found[self.data.seen]
+
+
+def _neighbours(data: Data) -> Iterator[tuple[int, int, Places]]:
+    """Fold, recording and numbers of blocks of one fold that follow each other in one recording."""
+    for (fold, run), blocks in groupby(enumerate(data.blocks), key=lambda one: (one[1].fold, one[1].run)):
+        yield fold, run, np.array([number for number, _ in blocks])
+
+
+def _cuts(data: Data, numbers: Places) -> Places:
+    """Rows at which neighbouring blocks begin, and the end of the last one."""
+    rows = [data.blocks[number].rows for number in numbers]
+    return np.array([*(own.start for own in rows), rows[-1].stop])
+
+
+def _sums(values: Array, cuts: Places) -> Array:
+    """Sums of rows between cuts, the first of which is the first row; zero of none."""
+    starts = cuts[:-1] - cuts[0]
+    if not len(values):
+        return np.zeros((starts.size, *values.shape[1:]))
+    found = np.add.reduceat(values, np.minimum(starts, len(values) - 1), axis=0)
+    found[np.diff(cuts) == 0] = 0.0
+    return np.asarray(found)
 
 
 def rows_of(data: Data, terms: Sequence[Term], runs: Sequence[int]) -> dict[int, list[_Joint]]:

@@ -4,6 +4,7 @@ from missing_physics.recordings.channels.decimation import PASSES, decimated, de
 from missing_physics.recordings.channels.estimates import (
     estimate_noise,
     estimate_resolution,
+    noise_of,
     rests_on_levels,
     sample_time_of,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "load_recording",
     "load_recording_and_constants",
     "mapping_from_toml",
+    "noise_of",
     "outlook",
     "own_mapping",
     "percent",

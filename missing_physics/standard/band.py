@@ -8,7 +8,6 @@ zero-phase filter, and only as many samples as the band holds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +18,7 @@ from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
 from missing_physics.evaluation.band import low_passed, thinned
 from missing_physics.evaluation.sliding import directions, shares, slides
-from missing_physics.recordings import estimate_noise, sensors_of
+from missing_physics.recordings import noise_of, sensor_of
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["SLOWEST", "BandMotion", "band_motion", "motion_band", "position_channel"]
@@ -194,7 +193,7 @@ def band_motion(
     Raises:
         InputError: the position of a moving joint is not recorded, or too few samples.
     """
-    clock, noise = _clock(robot, recording), _noise(robot, recording)
+    clock = _clock(robot, recording)
     joints = [drive.name for drive in robot.drives]
     channels = [position_channel(robot, recording, joint) for joint in joints]
     wide = min(WIDER * cutoff if smoothing is None else smoothing, WIDEST * clock.rate)
@@ -203,10 +202,8 @@ def band_motion(
     )
     spline = make_interp_spline(clock.time, smooth, k=5)
     velocity = np.asarray(spline(clock.time, 1))
-    spread = np.array([noise.get(channel, 0.0) for channel in channels])
-    torques = [
-        _torque(robot, recording, clock, joint, velocity[:, k], noise) for k, joint in enumerate(joints)
-    ]
+    spread = np.array([_noise(robot, recording, channel) for channel in channels])
+    torques = [_torque(robot, recording, clock, joint, velocity[:, k]) for k, joint in enumerate(joints)]
     torque = np.column_stack([torque for torque, _ in torques])
     torque, stride = thinned(torque, rate=clock.rate, smoothing=wide)
     return BandMotion(
@@ -231,17 +228,16 @@ def _clock(robot: Robot, recording: Recording) -> Clock:
     return Clock.of(recording, [*positions, *(source for source in sources if source)])
 
 
-def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
-    """White noise by channel: what the recording states, else the robot's sensors, else an estimate."""
-    stated = {
-        s.channel: float(np.hypot(s.noise, s.resolution / np.sqrt(12.0)))
-        for s in sensors_of(robot, recording)
-    }
-    return {**estimate_noise(recording), **stated}
+def _noise(robot: Robot, recording: Recording, channel: str) -> float:
+    """White noise of a channel: what the recording states, else the robot's sensors, else an estimate."""
+    sensor = sensor_of(robot, recording, channel)
+    if sensor is None:
+        return noise_of(recording, channel)
+    return float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0)))
 
 
 def _torque(
-    robot: Robot, recording: Recording, clock: Clock, joint: str, velocity: Array, noise: Mapping[str, float]
+    robot: Robot, recording: Recording, clock: Clock, joint: str, velocity: Array
 ) -> tuple[Array, float]:
     """Torque at the joint [N m or N], shape (N,), and its white noise per sample."""
     channel, factor = actuator_torque(robot, recording, joint)
@@ -255,7 +251,7 @@ def _torque(
         assert motor.torque_constant is not None
         assert motor.resistance is not None
         torque = torque - (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance * velocity
-    return torque, abs(factor) * noise.get(channel, 0.0)
+    return torque, abs(factor) * _noise(robot, recording, channel)
 
 
 def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
