@@ -2,8 +2,8 @@
 
 The posterior is relative to the weighed hypotheses. Whether one of them is right is another question, and
 depends on the residual of the best one: where it is no larger than the noise, nothing remains that another
-hypothesis could explain. A residual above the noise has structure, however small it is beside the mismatch: of
-friction that grows while a joint rests, LuGre friction leaves 2 % of the energy, at seven times the noise.
+hypothesis could explain. A residual above the noise has structure, however small it is beside the mismatch:
+of friction that grows while a joint rests, LuGre friction leaves 2 % of the energy, at seven times the noise.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from missing_physics.results.comparison import AT_NOISE
 
 __all__ = ["adequacies"]
 
-#: Part of the explanations with a posterior near one that are right, where no more than noise is left: (40 + 1)
-#: of (43 + 2), of 43 findings in development cases (23 of recordings by a third engine, 20 simulated).
+#: Part of the explanations with a posterior near one that are right, where no more than noise is left:
+#: (40 + 1) of (43 + 2), of 43 findings in development cases (23 of a third engine, 20 simulated).
 QUIET = 0.91
 #: and elsewhere: 17 of 25 in simulated cases of an earlier program (yardstick_simulated.md at 9fa7b99).
 ELSEWHERE = 0.68
