@@ -87,7 +87,7 @@ def series_of(
         data: the rows of all recordings.
         rows: of each recording.
         robot: nominal.
-        made: what it predicts of each.
+        made: what it predicts of each; of those with gyros at least.
     """
     found = []
     for i, (run, own) in enumerate(zip(data.runs, rows)):
