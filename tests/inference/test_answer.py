@@ -64,7 +64,7 @@ def test_friction_that_a_file_lacks_is_named_with_its_size(arm: Robot) -> None:
         estimate = found[effect].parameters[name]
         # Half a percent: the sign at a reversal, which the band's filter smears.
         assert estimate.value == pytest.approx(true, rel=5e-3)
-        assert found[effect].probability > 0.9
+        assert found[effect].probability > 0.85
 
 
 @pytest.mark.parametrize(
