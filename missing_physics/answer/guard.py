@@ -76,7 +76,7 @@ def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
 
 
 def _possible(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
-    """The fit, without effects whose numbers nothing can have beside what is left."""
+    """The fit, without effects whose estimates are impossible in this hypothesis."""
     made = fitted(data, hypothesis, start)
     while made.impossible:
         fewer = made.hypothesis

@@ -91,47 +91,34 @@ def series_of(
     """
     found = []
     for i, (run, own) in enumerate(zip(data.runs, rows)):
-        kept = run.motion.kept
-        for k, joint in enumerate(robot.drives):
+        for k, channel in enumerate(own.channels):
             if not any(other.counted[:, k].any() for other in rows):
                 continue
-            prismatic = joint.kind == "prismatic"
-            measured = run.rows.measured[:, k]
+            joint = robot.drives[k] if k < len(robot.drives) else None
+            prismatic = joint is not None and joint.kind == "prismatic"
+            if joint is not None:
+                measured = run.rows.measured[:, k]
+            else:
+                column = made[i].channels.index(channel)
+                measured = np.interp(own.time, made[i].time, made[i].measured[:, column])
+            moved = (run.motion.position, run.motion.velocity) if joint is not None else ()
+            position, velocity = [part[run.motion.kept][:, k] for part in moved] or (None, None)
             found.append(
                 ChannelSeries(
                     recording=run.rows.source,
                     role="train" if i < data.fitted else "validation",
-                    channel=own.channels[k],
-                    unit=unit_of(own.channels[k], prismatic=prismatic),
-                    location=joint.name,
+                    channel=channel,
+                    unit=unit_of(channel, prismatic=prismatic),
+                    location=channel.split(".")[0],
                     time=own.time,
                     measured=measured,
                     nominal=np.zeros_like(measured),
                     augmented=np.zeros_like(measured),
                     held_out=own.held_out,
                     noise_floor=float(own.noise[k]),
-                    position=run.motion.position[kept][:, k],
-                    velocity=run.motion.velocity[kept][:, k],
+                    position=position,
+                    velocity=velocity,
                     variable_units=("m", "m/s") if prismatic else ("rad", "rad/s"),
-                    counted=own.counted[:, k],
-                )
-            )
-        for k in range(len(robot.drives), len(own.channels)):
-            channel, count = own.channels[k], own.time.size
-            measured = np.interp(own.time, made[i].time, made[i].measured[:, made[i].channels.index(channel)])
-            found.append(
-                ChannelSeries(
-                    recording=run.rows.source,
-                    role="train" if i < data.fitted else "validation",
-                    channel=channel,
-                    unit=unit_of(channel),
-                    location="base",
-                    time=own.time,
-                    measured=measured,
-                    nominal=np.zeros(count),
-                    augmented=np.zeros(count),
-                    held_out=own.held_out,
-                    noise_floor=float(own.noise[k]),
                     counted=own.counted[:, k],
                 )
             )

@@ -26,7 +26,7 @@ def _unnamed(variable: str, knots: Array, carrier: str, value: Array, half: Arra
         left=1.24,
         knots=(tuple(map(float, knots)),),
         curves=(Curve(carrier, tuple(map(float, value)), pairs),),
-        words=f"joint2.torque: of the 1.24 N m rms left, a curve over its {variable} foretells 93%.",
+        words=f"joint2.torque: of the 1.24 N m rms left, a curve over its {variable} predicts 93%.",
     )
 
 
