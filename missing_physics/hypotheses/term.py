@@ -67,6 +67,11 @@ class Term:
         return self.effect.id, self.at
 
     @property
+    def joint(self) -> str:
+        """Joint or body of the place, which may be a channel."""
+        return self.at.split(".")[0]
+
+    @property
     def parameters(self) -> Mapping[str, float]:
         """Values by name."""
         return MappingProxyType(dict(zip((p.name for p in self.effect.parameters), self.values)))

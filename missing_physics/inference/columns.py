@@ -25,8 +25,8 @@ Places = NDArray[np.int_]
 
 #: A torque counts as cut where at least this part of it is missing.
 CUT = 0.01
-#: Most numbers in the cached columns of terms: 64 MB.
-KEPT = 8_000_000
+#: Most numbers in the cached columns of terms: 256 MB.
+KEPT = 32_000_000
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,7 @@ class Fit:
         cut: rows of each block and joint in which a term cuts the recorded torque, shape (B, n).
         about: parameters of the standard model about which the rows were linearised in the fit, shape (X,).
         impossible: terms whose numbers nothing can have, with the reason.
+        partial: whether non-linear parameters of some terms were held in the fit.
     """
 
     hypothesis: Hypothesis
@@ -73,6 +74,7 @@ class Fit:
     cut: Array
     about: Array
     impossible: Mapping[tuple[str, str], str]
+    partial: bool = False
 
     def number(self, name: str) -> float:
         """One number of the standard model, or the timing of a joint."""
@@ -83,22 +85,26 @@ class Fit:
         return float(self.deviations[self.layout.names.index(name)])
 
 
-def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
+def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None, place: str | None = None) -> Fit:
     """Fit a hypothesis to the recordings that are fitted, and predict every block without it.
 
     Args:
         data: the rows.
         hypothesis: its terms with starting values.
         start: a fit of a similar hypothesis.
+        place: joint where it differs from that; terms of other joints keep the parameters in which they are
+            not linear, since joints hardly interact.
     """
     terms = hypothesis.terms
     numbers = data.start if start is None else start.numbers
     sigma = data.standard.estimate.sigma if start is None else start.sigma
-    linear = all(p.linear for term in terms for p in term.free)
+    moving = [place is None or term.joint == place for term in terms]
+    linear = all(p.linear for term, own in zip(terms, moving) if own for p in term.free)
+    partial = not all(p.linear for term, own in zip(terms, moving) if not own for p in term.free)
     width, count = _width(data, hypothesis), data.start.size
     problem = Problem.of(data, hypothesis, numbers)
     for _ in range(LINEAR if linear else ROUNDS):
-        found, _ = _bounded(problem, problem.layout, sigma, width)
+        found, _ = _bounded(problem, problem.freeing(moving), sigma, width)
         sigma = residual_rms(problem.total, found)
         change = found[count:]
         whole = problem.total
@@ -123,7 +129,7 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
         if still:
             break
     found, ends = _bounded(problem, problem.linear, sigma, width)
-    return _judged(problem, replace(hypothesis, terms=terms), found, width, ends)
+    return replace(_judged(problem, replace(hypothesis, terms=terms), found, width, ends), partial=partial)
 
 
 def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
@@ -131,7 +137,8 @@ def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
     problem = Problem.of(data, replace(hypothesis, terms=start.hypothesis.terms), start.numbers)
     width = _width(data, hypothesis)
     found, ends = _bounded(problem, problem.linear, start.sigma, width)
-    return _judged(problem, replace(hypothesis, terms=start.hypothesis.terms), found, width, ends)
+    made = _judged(problem, replace(hypothesis, terms=start.hypothesis.terms), found, width, ends)
+    return replace(made, partial=start.partial)
 
 
 def _width(data: Data, hypothesis: Hypothesis) -> float:

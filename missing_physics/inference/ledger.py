@@ -65,7 +65,9 @@ class Search:
         shares: ratio of independent samples to samples at each joint, in the residual of the best fit.
         steps: how effects were tried, in order.
         dismissed: effects that fit but are not credible, with the reason.
-        looked: what may be added to a fit, by the fit's identity, with the fit and the shares that were used.
+        futile: candidates that did not improve the score, and what else was at their place.
+        looked: what may be added to a fit, by the fit's identity and what was wanted, with the fit and shares
+            that were used.
     """
 
     data: Data
@@ -74,7 +76,10 @@ class Search:
     shares: Array
     steps: list[Step] = field(default_factory=list)
     dismissed: dict[tuple[str, str], str] = field(default_factory=dict)
-    looked: dict[int, tuple[Fit, Array, Sequence[Any]]] = field(default_factory=dict, repr=False)
+    futile: set[tuple[object, ...]] = field(default_factory=set)
+    looked: dict[tuple[int, bool, str], tuple[Fit, Array, Sequence[Any]]] = field(
+        default_factory=dict, repr=False
+    )
     _scores: dict[int, tuple[Fit, Array, float]] = field(default_factory=dict, repr=False)
     _others: list[Data] = field(default_factory=list, repr=False)
 
@@ -87,11 +92,16 @@ class Search:
         self._others = [*self._others[1 - KEPT :], self.data.about(numbers)]
         return self._others[-1]
 
-    def settled(self, fit: Fit) -> Fit:
-        """Refit about the numbers of the fit itself, and remember the result."""
+    def settled(self, fit: Fit, *, whole: bool = True) -> Fit:
+        """Refit about the numbers of the fit itself, and remember the result.
+
+        Args:
+            fit: to begin with.
+            whole: whether to estimate all parameters together, if some of the terms' were held.
+        """
         for _ in range(SETTLING):
             numbers = self.data.with_bodies(fit.numbers, fit.hypothesis.terms)
-            if self.data.is_near(numbers, fit.about):
+            if self.data.is_near(numbers, fit.about) and not (whole and fit.partial):
                 break
             fit = fitted(self.about(fit), fit.hypothesis, fit)
         return self.keep(fit)

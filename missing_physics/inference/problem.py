@@ -72,8 +72,12 @@ class Problem:
     @property
     def linear(self) -> Layout:
         """The layout in which numbers stay of which the rows are not linear, so that errors are exact."""
+        return self.freeing([False] * len(self.terms))
+
+    def freeing(self, moving: Sequence[bool]) -> Layout:
+        """The layout in which terms that do not move keep the numbers of which the rows are not linear."""
         count, free = self.data.start.size, self.layout.free.copy()
-        free[count:] = [p.linear for term in self.terms for p in term.free]
+        free[count:] = [own or p.linear for term, own in zip(self.terms, moving) for p in term.free]
         return replace(self.layout, free=free)
 
     def energy_at(self, numbers: Array) -> Array:

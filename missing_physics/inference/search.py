@@ -28,6 +28,7 @@ from missing_physics.inference.ledger import ODDS, Search, Step, filable
 from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Look, Screen, places
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
+from reference_model.effects.base import JointEffect
 
 __all__ = ["search"]
 
@@ -58,9 +59,20 @@ def search(data: Data, progress: Said | None = None) -> Search:
     if data.laws:  # effects that made up for a law that is held, while the force was not there
         best = _pruned(state, best)
     _freed(state, best)
-    best = state.best
+    best = _completed(state)
     data = state.about(best)
     return replace(state, data=data, shares=independent_shares(data, best))
+
+
+def _completed(state: Search) -> Fit:
+    """The best fit, once it and those within reach of it have all parameters estimated together."""
+    while True:
+        best = state.score(state.best)
+        open_ = [fit for fit in state.made.values() if fit.partial and state.score(fit) > best - CLOSE]
+        if not open_:
+            return state.best
+        for fit in open_:
+            state.settled(fit)
 
 
 def _begun(data: Data) -> Search:
@@ -103,17 +115,17 @@ def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
     return state
 
 
-def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None) -> Fit:
-    """Fit a hypothesis to the recordings linearised about the start."""
-    return fitted(state.data if start is None else state.about(start), hypothesis, start)
+def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None, place: str | None = None) -> Fit:
+    """Fit a hypothesis to the recordings linearised about the start, from which it differs at one place."""
+    return fitted(state.data if start is None else state.about(start), hypothesis, start, place)
 
 
-def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
+def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None, place: str | None = None) -> Fit:
     """The fit, or one without delays where the estimated delays are impossible."""
-    fit = _fitted(state, hypothesis, start)
+    fit = _fitted(state, hypothesis, start, place)
     if _is_possible(state.data, fit):
         return fit
-    return _fitted(state, _without_delays(state.data, hypothesis), start)
+    return _fitted(state, _without_delays(state.data, hypothesis), start, place)
 
 
 def _is_possible(data: Data, fit: Fit) -> bool:
@@ -144,68 +156,99 @@ def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
     """New credible fits with one more effect, and then one with the best effect of every place."""
     new: list[Fit] = []
     best: dict[str, tuple[float, Candidate]] = {}
-    for look in _promising(_named(_looks(state, old))):
-        hypothesis = look.candidate.added_to(old.hypothesis)
-        if hypothesis.key in state.made:
+    for look in _promising(_looks(state, old)):
+        hypothesis, here = look.candidate.added_to(old.hypothesis), _here(look.candidate, old)
+        if hypothesis.key in state.made or here in state.futile:
             continue
         fit = _tried(state, look.candidate, hypothesis, old)
+        if fit is None or state.score(fit) <= state.score(old):
+            state.futile.add(here)
         if fit is None:
             continue
         new.append(fit)
         if progress:
             progress(f"{look.candidate.term.effect.title} at {look.candidate.term.at}")
-        gain, place = state.score(fit) - state.score(old), _place(look.candidate.term)
+        gain, place = state.score(fit) - state.score(old), look.candidate.term.joint
         if gain > best.get(place, (0.0, None))[0]:
             best[place] = gain, look.candidate
     if len(best) > 1:
         hypothesis = old.hypothesis
         for _, candidate in best.values():
             hypothesis = candidate.added_to(hypothesis)
-        fit = _tried(state, next(iter(best.values()))[1], hypothesis, old)
+        fit = _tried(state, next(iter(best.values()))[1], hypothesis, old, everywhere=True)
         new += [] if fit is None else [fit]
     return new
 
 
-def _place(term: Term) -> str:
-    """Joint or body of a term."""
-    return term.at.split(".")[0]
+def _here(candidate: Candidate, old: Fit) -> tuple[object, ...]:
+    """A candidate and what the fit to which it is added has at its place, since joints hardly interact."""
+    term = candidate.term
+    beside = (own for own in old.hypothesis.terms if own.joint == term.joint)
+    return (*term.key, term.run, *sorted((*own.key, *sorted(own.freed)) for own in beside))
 
 
 def _promising(looks: Sequence[Look]) -> list[Look]:
     """The candidates that are fitted: some of every place, since effects hardly show at other joints."""
-    places = {_place(look.candidate.term) for look in looks}
+    places = {look.candidate.term.joint for look in looks}
     most, counts = max(PER_PLACE, FITTED // max(len(places), 1)), dict.fromkeys(places, 0)
     chosen = []
     for look in looks:
-        place = _place(look.candidate.term)
+        place = look.candidate.term.joint
         if look.gain >= PROMISE * ODDS and counts[place] < most:
             counts[place] += 1
             chosen.append(look)
     return chosen
 
 
-def _looks(state: Search, old: Fit) -> Sequence[Look]:
-    """All candidates that may be added to a fit, most promising first; weighed once."""
-    fit, shares, known = state.looked.get(id(old), (None, None, ()))
+def _looks(state: Search, old: Fit, instead: Term | None = None, *, named: bool = True) -> Sequence[Look]:
+    """Candidates that may be added to a fit, most promising first; weighed once.
+
+    Args:
+        state: the fits made so far.
+        old: to which they are added.
+        instead: the effect whose place they would take, if only its rivals are wanted.
+        named: known effects, or forces without a name.
+    """
+    which = id(old), named, "" if instead is None else instead.joint
+    fit, shares, known = state.looked.get(which, (None, None, ()))
     if fit is not old or shares is not state.shares:
-        known = _weighed(state, old)
-        state.looked[id(old)] = old, state.shares, known
+        known = _weighed(state, old, lambda one: _is_named(one) == named and _is_rival(state, one, instead))
+        state.looked[which] = old, state.shares, known
     return known
 
 
-def _weighed(state: Search, old: Fit) -> list[Look]:
+def _weighed(state: Search, old: Fit, wanted: Callable[[Candidate], bool]) -> list[Look]:
     data = state.about(old)
     channels = frozenset.intersection(*(run.channels for run in data.runs))
     seen = places(data, old)
-    options = list(candidates(data.standard.nominal, old.hypothesis, seen, channels, data.given))
-    return Screen(data, old, state.shares).best(options)
+    options = candidates(data.standard.nominal, old.hypothesis, seen, channels, data.given)
+    return Screen(data, old, state.shares).best([one for one in options if wanted(one)])
 
 
-def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit) -> Fit | None:
-    """The fit, where it has numbers that can be."""
+def _is_named(candidate: Candidate) -> bool:
+    return not isinstance(candidate.term.effect, UnknownForce)
+
+
+def _is_rival(state: Search, candidate: Candidate, term: Term | None) -> bool:
+    """Whether a candidate may explain what a term does; torques of one joint do not show in another."""
+    if term is None:
+        return True
+    is_local = _is_local(state, candidate.term) and _is_local(state, term)
+    return candidate.term.at == term.at or not is_local
+
+
+def _is_local(state: Search, term: Term) -> bool:
+    """Whether a term acts on the torque of its own joint only."""
+    return isinstance(term.effect, JointEffect) and term.at in state.data.joints
+
+
+def _tried(
+    state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit, *, everywhere: bool = False
+) -> Fit | None:
+    """The fit, where it has numbers that can be; it differs at the candidate's place only, or everywhere."""
     data = state.data
     try:
-        fit = _timed(state, hypothesis, old)
+        fit = _timed(state, hypothesis, old, None if everywhere else candidate.term.joint)
     except np.linalg.LinAlgError:
         return None
     for key, why in fit.impossible.items():
@@ -240,7 +283,7 @@ def _pruned(state: Search, best: Fit) -> Fit:
 def _without(state: Search, best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
     if hypothesis.key not in state.made:
-        state.settled(state.keep(_fitted(state, hypothesis, best)))
+        state.settled(state.keep(_fitted(state, hypothesis, best, term.joint)), whole=False)
     return state.made[hypothesis.key]
 
 
@@ -254,10 +297,11 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
     for _ in range(MOST):
         for term in _changing(best):
             less = _without(state, best, term)
-            for joint in state.data.joints:  # a delay is a parameter, not a term
+            own = [term.at] if _is_local(state, term) else state.data.joints
+            for joint in own:  # a delay is a parameter, not a term
                 if f"{joint}.{TIMING}" in less.hypothesis.filed:
                     _estimating(state, less, f"{joint}.{TIMING}")
-            looks = [one for one in _named(_looks(state, less)) if one.candidate.term.key != term.key]
+            looks = [one for one in _looks(state, less, term) if one.candidate.term.key != term.key]
             close = [one for one in looks if one.gain > looks[0].gain - CLOSE]
             for look in looks[: max(RIVALS, min(len(close), 2 * RIVALS))]:
                 hypothesis = look.candidate.added_to(less.hypothesis)
@@ -277,19 +321,11 @@ def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
     if progress:
         progress("searching for forces without a name")
     for start in [best, *(_without(state, best, term) for term in _changing(best))]:
-        for look in [one for one in _looks(state, start) if _is_unnamed(one)][:RIVALS]:
+        for look in _looks(state, start, named=False)[:RIVALS]:
             hypothesis = look.candidate.added_to(start.hypothesis)
             if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                 _tried(state, look.candidate, hypothesis, start)
     return state.best
-
-
-def _is_unnamed(look: Look) -> bool:
-    return isinstance(look.candidate.term.effect, UnknownForce)
-
-
-def _named(looks: Sequence[Look]) -> list[Look]:
-    return [look for look in looks if not _is_unnamed(look)]
 
 
 def _simplified(state: Search, best: Fit) -> Fit:
