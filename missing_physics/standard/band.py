@@ -18,6 +18,7 @@ from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
 from missing_physics.evaluation.band import low_passed, thinned
 from missing_physics.evaluation.sliding import directions, shares, slides
+from missing_physics.evaluation.steps import unsteadiness
 from missing_physics.recordings import noise_of, sensor_of
 from robot_model import InputError, Recording, Robot
 
@@ -62,6 +63,8 @@ class BandMotion:
         position, velocity, acceleration: of the moving joints, smoothed, shape (N, n).
         torque: of the actuators at the joints, below two fifths of the rate, shape (N, n) [N m or N]; NaN
             columns where not recorded, zero where nothing drives the joint.
+        unsteady: standard deviation in the band of what samples and steps of the torque's recording leave
+            unknown of it, beyond white noise, shape (N, n) [N m or N]; see `missing_physics.evaluation.steps`.
         velocity_noise: standard deviation of the smoothed velocity, shape (n,).
         torque_noise: standard deviation of white torque noise per recorded sample, shape (n,).
         cutoff: end of the band [Hz].
@@ -75,6 +78,7 @@ class BandMotion:
     velocity: Array
     acceleration: Array
     torque: Array
+    unsteady: Array
     velocity_noise: Array
     torque_noise: Array
     cutoff: float
@@ -148,6 +152,16 @@ class BandMotion:
                 least[kind & (width < SLOWEST * float(width[kind].max()))] = np.inf
         return shares(self.slides & (speed > least), np.where(np.isfinite(least), rest, 0.0))
 
+    def steadiness(self, noise: Array) -> tuple[Array, Array]:
+        """Weight of every sample of a torque, 0 to 1, (N, n), and rms of all noise in the band, (n,).
+
+        Args:
+            noise: rms of the white noise in the band, shape (n,) [N m or N].
+        """
+        usual = noise**2 + np.mean(self.unsteady**2, axis=0)
+        local = np.maximum(noise**2 + self.unsteady**2, 1e-300)
+        return np.minimum(usual / local, 1.0), np.sqrt(usual)
+
 
 def position_channel(robot: Robot, recording: Recording, joint: str) -> str:
     """The position channel on the motor's side: the motor's encoder, else the joint's.
@@ -205,6 +219,9 @@ def band_motion(
     spread = np.array([_noise(robot, recording, channel) for channel in channels])
     torques = [_torque(robot, recording, clock, joint, velocity[:, k]) for k, joint in enumerate(joints)]
     torque = np.column_stack([torque for torque, _ in torques])
+    noise = np.array([sigma for _, sigma in torques])
+    steps = np.array([_step(robot, recording, joint) for joint in joints])
+    unsteady = unsteadiness(torque, noise, steps, rate=clock.rate, cutoff=cutoff, smoothing=wide)
     torque, stride = thinned(torque, rate=clock.rate, smoothing=wide)
     return BandMotion(
         source=recording.source,
@@ -213,8 +230,9 @@ def band_motion(
         velocity=velocity[::stride],
         acceleration=np.asarray(spline(clock.time[::stride], 2)),
         torque=torque[::stride],
+        unsteady=unsteady[::stride],
         velocity_noise=_velocity_noise(spread, clock.rate, wide),
-        torque_noise=np.array([sigma for _, sigma in torques]),
+        torque_noise=noise,
         cutoff=cutoff,
         smoothing=wide,
         sampling=clock.rate,
@@ -252,6 +270,16 @@ def _torque(
         assert motor.resistance is not None
         torque = torque - (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance * velocity
     return torque, abs(factor) * _noise(robot, recording, channel)
+
+
+def _step(robot: Robot, recording: Recording, joint: str) -> float:
+    """Step in which the torque of a joint is recorded, if known, else 0 [N m or N]."""
+    channel, factor = actuator_torque(robot, recording, joint)
+    if channel is None:
+        return 0.0
+    sensor = sensor_of(robot, recording, channel)
+    known = recording.resolution.get(channel, 0.0) if sensor is None else sensor.resolution
+    return abs(factor) * known
 
 
 def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:

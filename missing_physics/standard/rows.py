@@ -160,7 +160,10 @@ def rows_of(
     known = np.isfinite(motion.torque)
     inertial = along.regressor
     others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
+    noise = _noise_in_band(along)
     shares = motion.shares(prismatic(model.robot), np.zeros(len(model.joints)) if rest is None else rest)
+    steady, noise = motion.steadiness(noise)
+    shares *= steady
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
     scale = torque.copy()
     for k, joint in enumerate(model.joints):
@@ -178,7 +181,6 @@ def rows_of(
     else:
         counted = sample.at(time, model.joints) & known.all(axis=0)
     own = np.where(known, motion.smooth_torque, 0.0) - others
-    noise = _noise_in_band(along)
     vibration, shaken = _vibration(along, shares, counted, noise)
     return Rows(
         source=recording.source,
