@@ -7,9 +7,9 @@ rounding errors are independent. Neither holds everywhere:
   turns, has the impulse h D (u - 1/2) beyond that of a straight line, u uniform: standard deviation
   h D / sqrt(12), and 2 f h D / sqrt(12) at its peak in a band that ends at f.
 - A torque that stays on one step d within the memory 1 / (2 f) of the band is rounded alike throughout, with
-  the variance d^2 / 12. Over N steps the error is a sawtooth of frequency 2 N f, of which the filter leaves the
-  less the more there are, here one part in (1 + N)^2, as N is known to one step only. Noise before rounding
-  takes that away (Widrow and Kollar, Quantization Noise (2008), ch. 4).
+  the variance d^2 / 12. Over N steps the error is a sawtooth of frequency 2 N f, of which the filter leaves
+  the less the more there are, here one part in (1 + N)^2, as N is known to one step only. Noise before
+  rounding takes that away (Widrow and Kollar, Quantization Noise (2008), ch. 4).
 """
 
 from __future__ import annotations
@@ -64,7 +64,8 @@ def unsteadiness(
     square = np.maximum(beyond**2 - OF_NOISE * noise**2, 0.0)
     impulse = np.vstack([square, square[-1:]]) / (12.0 * rate**2)
     near = 2 * int(np.ceil(rate / smoothing)) + 1  # where the filter carries it
-    found = (2.0 * cutoff) ** 2 * near * uniform_filter1d(impulse, near, axis=0, mode="nearest")
+    around = uniform_filter1d(impulse, near, axis=0, mode="nearest")  # a running sum, exact to rounding
+    found = (2.0 * cutoff) ** 2 * near * np.maximum(around, 0.0)
     memory = 2 * int(np.ceil(0.25 * rate / cutoff)) + 1
     for k in np.flatnonzero(steps > 0.0):
         before = np.sqrt(max(noise[k] ** 2 - steps[k] ** 2 / 12.0, 0.0))

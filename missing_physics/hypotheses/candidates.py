@@ -251,9 +251,9 @@ def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
     """Bounds set by a recording: a wave longer than its travel is indistinguishable from a slope."""
     found = dict(effect.bounds(extent))
     travel = extent.position[1] - extent.position[0]
-    for p in effect.estimated:
-        if p.name == "order" and travel > 0.0:
-            found["order"] = (min(2.0 * math.pi * FEWEST_CYCLES / travel, p.upper), p.upper)
+    if effect.is_wave and travel > 0.0:
+        highest = effect.parameter("order").upper
+        found["order"] = (min(2.0 * math.pi * FEWEST_CYCLES / travel, highest), highest)
     return found
 
 

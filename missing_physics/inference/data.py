@@ -311,6 +311,20 @@ class Data:
                 found[block.rows] = True
         return found
 
+    @cached_property
+    def orders(self) -> Array:
+        """Angular orders of a wave over each joint's position that recordings tell apart, shape (n,).
+
+        They differ by a cycle over its travel, and the highest one makes the end of the band at the median
+        speed; at least one.
+        """
+        found = np.ones(self.torque.size)
+        for run in self.runs[: self.fitted]:
+            motion = run.motion
+            travel, speed = np.ptp(motion.position, axis=0), np.median(np.abs(motion.velocity), axis=0)
+            found = np.maximum(found, motion.cutoff * travel / np.maximum(speed, 1e-12))
+        return found
+
     @property
     def start(self) -> Array:
         """Parameters of the standard model as it was fitted, without delays, shape (X,)."""

@@ -157,10 +157,13 @@ def prior(data: Data, fit: Fit) -> float:
     """Log prior odds of a fit against the robot file without delays [nats].
 
     A friction law of the file costs as much as an effect where it is absent, and each of its parameters that
-    is estimated as much as another number.
+    is estimated as much as another number. A wave over position could have any of the orders that the
+    recordings tell apart, and an event could have happened at any time.
     """
     hypothesis = fit.hypothesis
     added = [term for term in hypothesis.terms if not term.is_given]
+    orders = dict(zip(data.joints, data.orders))
+    waves = sum(float(np.log(orders.get(term.joint, 1.0))) for term in added if term.effect.is_wave)
     effects = sum(
         ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
         for term in added
@@ -175,4 +178,4 @@ def prior(data: Data, fit: Fit) -> float:
             given -= {f"{term.at}.coulomb"}
     delays = [i for i, name in enumerate(data.layout.names) if name.endswith(TIMING)]
     late = float(np.sum((fit.numbers[delays] / data.layout.width[delays]) ** 2))
-    return -effects - ODDS * sum(name not in given for name in filable(data)) - 0.5 * late
+    return -effects - waves - ODDS * sum(name not in given for name in filable(data)) - 0.5 * late

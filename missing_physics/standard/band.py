@@ -64,7 +64,7 @@ class BandMotion:
         torque: of the actuators at the joints, below two fifths of the rate, shape (N, n) [N m or N]; NaN
             columns where not recorded, zero where nothing drives the joint.
         unsteady: standard deviation in the band of what samples and steps of the torque's recording leave
-            unknown of it, beyond white noise, shape (N, n) [N m or N]; see `missing_physics.evaluation.steps`.
+            unknown, beyond white noise (`missing_physics.evaluation.steps`), shape (N, n) [N m or N].
         velocity_noise: standard deviation of the smoothed velocity, shape (n,).
         torque_noise: standard deviation of white torque noise per recorded sample, shape (n,).
         cutoff: end of the band [Hz].

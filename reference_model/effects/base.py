@@ -182,6 +182,11 @@ class Effect(ABC):
         """Parameters a diagnosis estimates."""
         return tuple(parameter for parameter in self.parameters if parameter.estimated)
 
+    @property
+    def is_wave(self) -> bool:
+        """Whether it is a wave over position whose angular order is estimated."""
+        return any(parameter.name == "order" for parameter in self.estimated)
+
     def defaults(self) -> dict[str, float]:
         """Values of the parameters that have a default."""
         return {p.name: p.default for p in self.parameters if p.default is not None}
