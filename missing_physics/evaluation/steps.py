@@ -61,11 +61,10 @@ def unsteadiness(
     change = np.diff(known, axis=0)
     around = np.pad(change, ((1, 1), (0, 0)), mode="edge")
     beyond = change - 0.5 * (around[:-2] + around[2:])
-    square = np.maximum(beyond**2 - OF_NOISE * noise**2, 0.0)
-    impulse = np.vstack([square, square[-1:]]) / (12.0 * rate**2)
+    square = beyond**2 - OF_NOISE * noise**2
     near = 2 * int(np.ceil(rate / smoothing)) + 1  # where the filter carries it
-    around = uniform_filter1d(impulse, near, axis=0, mode="nearest")  # a running sum, exact to rounding
-    found = (2.0 * cutoff) ** 2 * near * np.maximum(around, 0.0)
+    mean = uniform_filter1d(np.vstack([square, square[-1:]]), near, axis=0, mode="nearest")
+    found = (2.0 * cutoff / rate) ** 2 * near * np.maximum(mean, 0.0) / 12.0
     memory = 2 * int(np.ceil(0.25 * rate / cutoff)) + 1
     for k in np.flatnonzero(steps > 0.0):
         before = np.sqrt(max(noise[k] ** 2 - steps[k] ** 2 / 12.0, 0.0))

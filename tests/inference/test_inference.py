@@ -18,9 +18,10 @@ from recorded_arm import (
     weak_spring,
 )
 
-from missing_physics.hypotheses import Candidate, Hypothesis, Term
+from missing_physics.hypotheses import TIMING, Candidate, Hypothesis, Term
 from missing_physics.inference import Data, fitted, search, weighed
 from missing_physics.inference.fit import residuals
+from missing_physics.inference.ledger import prior
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Screen
 from missing_physics.standard import fit_standard
@@ -112,6 +113,34 @@ def test_errors_are_those_of_the_stated_numbers_where_one_is_at_the_end_of_its_r
     stated = fit.errors[~data.seen]
     again = [np.sum(left[block.rows] ** 2, axis=0) for block in data.blocks if block.run == 1]
     np.testing.assert_allclose(stated, again, rtol=1e-6)  # the law is linear in what the last step moved
+
+
+def test_a_term_of_another_joint_keeps_its_shape_until_the_fit_is_completed(arm: Robot) -> None:
+    data, ripple = data_of(arm, wave), get_effect("torque_ripple")
+    term = Term.of(ripple, "joint", {**{p.name: 0.0 for p in ripple.parameters}, "order": 6.8})
+    partial = fitted(data, Hypothesis((term,)), place="another joint")
+    assert partial.partial
+    assert partial.hypothesis.terms[0].parameters["order"] == 6.8
+    assert partial.hypothesis.terms[0].parameters["cosine"] != 0.0
+    whole = fitted(data, partial.hypothesis, partial)
+    assert not whole.partial
+    assert whole.hypothesis.terms[0].parameters["order"] == pytest.approx(7.0, abs=0.02)
+    alone = fitted(data, Hypothesis((term,)))
+    assert np.allclose(whole.errors, alone.errors, rtol=1e-3)  # where Gauss-Newton ends
+
+
+def test_a_wave_pays_for_the_orders_that_it_could_have(arm: Robot) -> None:
+    """As many as cycles at the end of the band pass over the travel."""
+    data, ripple = data_of(arm, wave), get_effect("torque_ripple")
+    term = Term.of(ripple, "joint", {**{p.name: 0.0 for p in ripple.parameters}, "order": 7.0})
+    in_time = Hypothesis().filing(TIMING, f"joint.{TIMING}")
+    with_wave, with_spring = (
+        fitted(data, replace(in_time, terms=(own,))) for own in (term, linear("cable_spring"))
+    )
+    motion = data.runs[0].motion
+    cycles = motion.cutoff * np.ptp(motion.position) / np.median(np.abs(motion.velocity))
+    paid = prior(data, with_spring) - prior(data, with_wave)
+    assert paid == pytest.approx(np.log(cycles))
 
 
 def test_a_look_promises_what_a_fit_brings(arm: Robot) -> None:
