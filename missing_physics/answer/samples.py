@@ -46,7 +46,7 @@ def compared_rows(data: Data, robot: Robot, recordings: Sequence[Recording]) -> 
     found = []
     for i, run in enumerate(data.runs):
         motion, time = run.motion, run.rows.time
-        band = Band(motion.cutoff, motion.smoothing, tuple(data.standard.rest))
+        band = Band(motion.cutoff, motion.smoothing, tuple(data.standard.weights.rest))
         counted = np.hstack([run.rows.counted, np.ones((time.size, len(gyros)), dtype=bool)]) & fitted
         found.append(Rows(channels, noise, time, ~data.rows_seen(i), counted, band, error=error))
     return tuple(found)

@@ -174,7 +174,9 @@ def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[R
     found, laws = [], tuple(_modified(standard.nominal))
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)
-        rows = rows_of(model, recording, standard.cutoff, about=standard.estimate.values, rest=standard.rest)
+        rows = rows_of(
+            model, recording, standard.cutoff, about=standard.estimate.values, weights=standard.weights
+        )
         known = frozenset(name for name, values in recording.channels.items() if np.any(values))
         temperature = [_series(recording, f"{joint}.temperature", motion.time) for joint in model.joints]
         degrees = np.column_stack(temperature)

@@ -152,15 +152,15 @@ class BandMotion:
                 least[kind & (width < SLOWEST * float(width[kind].max()))] = np.inf
         return shares(self.slides & (speed > least), np.where(np.isfinite(least), rest, 0.0))
 
-    def steadiness(self, noise: Array) -> tuple[Array, Array]:
-        """Weight of every sample of a torque, 0 to 1, (N, n), and rms of all noise in the band, (n,).
+    def steadiness(self, left: Array) -> Array:
+        """Weight of every sample of a torque, 0 to 1, shape (N, n): usual variance over that of its error.
 
         Args:
-            noise: rms of the white noise in the band, shape (n,) [N m or N].
+            left: rms of what a fit leaves of the torques in the band, shape (n,) [N m or N].
         """
-        usual = noise**2 + np.mean(self.unsteady**2, axis=0)
-        local = np.maximum(noise**2 + self.unsteady**2, 1e-300)
-        return np.minimum(usual / local, 1.0), np.sqrt(usual)
+        usual = np.maximum(left, np.sqrt(np.mean(self.unsteady**2, axis=0)))
+        above = self.unsteady > usual
+        return np.where(above, (usual / np.where(above, self.unsteady, 1.0)) ** 2, 1.0)
 
 
 def position_channel(robot: Robot, recording: Recording, joint: str) -> str:

@@ -23,7 +23,7 @@ from missing_physics.bodies.pseudo_inertia import divergence
 from missing_physics.evaluation.sliding import determined
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.normal import Normal, acting, total_of
-from missing_physics.standard.rows import MODEL_ERROR, Rows
+from missing_physics.standard.rows import MODEL_ERROR, Rows, Weights
 from reference_model.evaluation.model import RobotModel
 
 __all__ = [
@@ -36,7 +36,7 @@ __all__ = [
     "minimise",
     "objective",
     "residual_rms",
-    "rest_weights",
+    "weights_of",
 ]
 
 Array = NDArray[np.float64]
@@ -122,8 +122,8 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     )
 
 
-def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: Array) -> Array:
-    """Weight of samples in which a joint may be at rest, shape (n,), by a first fit to all samples.
+def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: Array) -> Weights:
+    """Weights of samples, by a first fit to all of them.
 
     Args:
         model, nominal: see `estimate`.
@@ -141,7 +141,8 @@ def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed:
     dry = np.maximum(np.hypot(found[places], deviation[places]), filed)  # rms of what it may be
     noise = np.sqrt(np.mean([own.noise**2 for own in rows], axis=0))
     scale = np.sqrt(np.mean(np.concatenate([own.scale for own in rows]) ** 2, axis=0))
-    return determined(np.hypot(noise, MODEL_ERROR * scale), dry)
+    rest = determined(np.hypot(noise, MODEL_ERROR * scale), dry)
+    return Weights(rest, residual_rms(everything, found))
 
 
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:

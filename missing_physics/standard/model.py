@@ -11,9 +11,17 @@ from threadpoolctl import threadpool_limits
 
 from missing_physics.checks.actuation import is_passive
 from missing_physics.standard.bending import model_of
-from missing_physics.standard.fit import Estimate, design_of, estimate, rest_weights
+from missing_physics.standard.fit import Estimate, design_of, estimate, weights_of
 from missing_physics.standard.prediction import inertial_with_effects
-from missing_physics.standard.rows import FRICTION, Rows, Sample, common_band, rows_of, without_friction
+from missing_physics.standard.rows import (
+    FRICTION,
+    Rows,
+    Sample,
+    Weights,
+    common_band,
+    rows_of,
+    without_friction,
+)
 from reference_model.dynamics.inertial import BODY_NUMBERS, body_names
 from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import used_effects
@@ -64,21 +72,21 @@ class StandardModel:
         estimate: the fit.
         cutoff: end of the band in which it was fitted [Hz].
         nominal: the given robot file.
-        rest: weight of samples in which a joint may be at rest, shape (n,): see `rest_weights`.
+        weights: of samples, by a first fit.
     """
 
     robot: Robot
     estimate: Estimate
     cutoff: float
     nominal: Robot
-    rest: Array
+    weights: Weights
 
     def errors(self, recordings: Sequence[Recording]) -> Mapping[str, JointErrors]:
         """Errors of each moving joint over these recordings, in the band of the fit."""
         model, named = model_of(without_friction(self.nominal)), model_of(self.nominal)
-        about, rest = self.estimate.values, self.rest
-        parts = [rows_of(model, r, self.cutoff, about=about, rest=rest) for r in recordings]
-        before = [rows_of(named, r, self.cutoff, rest=rest) for r in recordings]
+        about, weights = self.estimate.values, self.weights
+        parts = [rows_of(model, r, self.cutoff, about=about, weights=weights) for r in recordings]
+        before = [rows_of(named, r, self.cutoff, weights=weights) for r in recordings]
         start = inertial_with_effects(named)
         found = {}
         for k, joint in enumerate(model.joints):
@@ -122,13 +130,16 @@ def fit_standard(
     band = common_band(robot, recordings) if cutoff is None else cutoff
     asked: Sequence[Sample | None] = samples or [None] * len(recordings)
 
-    def taken(rest: Array, about: Array | None = None) -> list[Rows]:
-        found = [rows_of(model, r, band, own, about, rest) for r, own in zip(recordings, asked, strict=True)]
+    def taken(weights: Weights, about: Array | None = None) -> list[Rows]:
+        found = [
+            rows_of(model, r, band, own, about, weights) for r, own in zip(recordings, asked, strict=True)
+        ]
         if held_out:
             found = [_without(r, windows) for r, windows in zip(found, held_out, strict=True)]
         return found
 
-    rows = taken(np.ones(len(model.joints)))
+    joints = len(model.joints)
+    rows = taken(Weights(np.ones(joints), np.full(joints, np.inf)))
     if not any(r.counted.any() for r in rows):
         raise InputError(
             "no joint moves while its torque is known, so that the standard model cannot be fitted; record "
@@ -136,19 +147,19 @@ def fit_standard(
         )
     try:
         nominal = inertial_with_effects(model)
-        rest = rest_weights(model, nominal, rows, _dry(robot))
-        found = estimate(model, nominal, taken(rest))
+        weights = weights_of(model, nominal, rows, _dry(robot))
+        found = estimate(model, nominal, taken(weights))
         for _ in range(ROUNDS if _has_passive(robot, recordings) else 0):
-            found = estimate(model, nominal, taken(rest, found.values))
+            found = estimate(model, nominal, taken(weights, found.values))
         if model.tree.modal:
-            found = _settled(model, nominal, found, lambda about: taken(rest, about))
+            found = _settled(model, nominal, found, lambda about: taken(weights, about))
     except np.linalg.LinAlgError:
         raise InputError(
             "the standard model cannot be identified: these recordings do not determine its parameters; "
             "record a motion that moves more joints, and faster."
         ) from None
     numbers = dict(zip(found.layout.names, map(float, found.values)))
-    return StandardModel(as_robot(stripped, model, numbers), found, band, robot, rest)
+    return StandardModel(as_robot(stripped, model, numbers), found, band, robot, weights)
 
 
 def _settled(

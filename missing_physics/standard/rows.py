@@ -24,6 +24,7 @@ __all__ = [
     "MODEL_ERROR",
     "Rows",
     "Sample",
+    "Weights",
     "common_band",
     "held_scale",
     "is_friction",
@@ -69,6 +70,19 @@ class Sample:
         inside = (time >= self.time[0]) & (time <= self.time[-1])
         none = np.zeros(self.time.size, dtype=bool)
         return np.column_stack([self.counted.get(joint, none)[place] & inside for joint in joints])
+
+
+@dataclass(frozen=True)
+class Weights:
+    """From a first fit: with which weights samples enter the rows.
+
+    Attributes:
+        rest: weight of samples in which a joint may be at rest, shape (n,).
+        left: rms of what the fit leaves of each torque, shape (n,) [N m or N].
+    """
+
+    rest: Array
+    left: Array
 
 
 @dataclass(frozen=True)
@@ -138,7 +152,7 @@ def rows_of(
     cutoff: float,
     sample: Sample | None = None,
     about: Array | None = None,
-    rest: Array | None = None,
+    weights: Weights | None = None,
 ) -> Rows:
     """The rows of one recording, filtered and decimated to the band below `cutoff` [Hz].
 
@@ -151,7 +165,7 @@ def rows_of(
             are linearised; the file's bodies without friction when left out. Without actuators the total mass
             is not identifiable: the residual of a lighter robot is smaller in proportion. So the residual of
             these joints is divided by the scale s of the bodies, (Y phi + f) / s(phi).
-        rest: weight of samples in which a joint may be at rest, shape (n,); none when left out.
+        weights: of samples; one where a joint slides, and none where it may be at rest, when left out.
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
     along = Along.of(model, motion, _bodies(model, about))
@@ -160,10 +174,9 @@ def rows_of(
     known = np.isfinite(motion.torque)
     inertial = along.regressor
     others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
-    noise = _noise_in_band(along)
-    shares = motion.shares(prismatic(model.robot), np.zeros(len(model.joints)) if rest is None else rest)
-    steady, noise = motion.steadiness(noise)
-    shares *= steady
+    noise = np.hypot(_noise_in_band(along), np.sqrt(np.mean(motion.unsteady**2, axis=0)))
+    given = weights or Weights(np.zeros(noise.size), np.full(noise.size, np.inf))
+    shares = motion.shares(prismatic(model.robot), given.rest) * motion.steadiness(given.left)
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
     scale = torque.copy()
     for k, joint in enumerate(model.joints):

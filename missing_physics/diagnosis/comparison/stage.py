@@ -53,7 +53,7 @@ def compared(
     rows = result.rows
     fit, why = _standard(robot, recordings[:fitted], rows) if rows else (None, "")
     if fit is not None:
-        rows = tuple(replace(own, band=replace(own.band, rest=tuple(fit.rest))) for own in rows)
+        rows = tuple(replace(own, band=replace(own.band, rest=tuple(fit.weights.rest))) for own in rows)
         bands = replace(result.diagnosis.fit, bands=tuple(own.band for own in rows))
         result = replace(result, rows=rows, diagnosis=replace(result.diagnosis, fit=bands))
     standard = None if fit is None else fit.robot
