@@ -16,9 +16,10 @@ from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
 from missing_physics.evaluation import evaluate
 from missing_physics.hypotheses import TIMING
-from missing_physics.inference import Data, search, weighed
+from missing_physics.inference import search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Experiment, Fit, Result, Rung, Verdict
@@ -60,7 +61,7 @@ def answered(
     band = common_band(robot, [*recordings, *validation]) if cutoff is None else cutoff
     windows = [] if validation else _windows(robot, recordings, band)
     standard = fit_standard(robot, recordings, cutoff=band, held_out=windows)
-    data = Data.of(standard, recordings, validation)
+    data = TorqueData.of(standard, recordings, validation)
     progress("weighing hypotheses")
     found = search(data, progress)
     data = found.data
@@ -141,7 +142,7 @@ def _fit(rows: Sequence[Rows], robot: Robot) -> Fit:
     return Fit(channels, 0.0, tuple(own.band for own in rows))
 
 
-def _dismissed(found: Search, answer: Answer) -> list[str]:
+def _dismissed(found: Search[TorqueData], answer: Answer) -> list[str]:
     named = {(f.effect, f.location) for f in answer.findings}
     return [
         f"Not named: {get_effect(effect).title} at {place} fits, but {why}."
@@ -156,7 +157,7 @@ def _not_searched() -> str:
     return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
 
 
-def _notes(data: Data, validated: bool) -> list[str]:
+def _notes(data: TorqueData, validated: bool) -> list[str]:
     band = data.runs[0].motion.cutoff
     notes = [f"Torques are compared below {band:.3g} Hz, five times the bandwidth of the motion."]
     if data.layout.scale.any():
@@ -169,7 +170,7 @@ def _notes(data: Data, validated: bool) -> list[str]:
     return notes
 
 
-def _rung(found: Search, step: Step) -> Rung:
+def _rung(found: Search[TorqueData], step: Step) -> Rung:
     """One hypothesis as the report lists it."""
     data, fit = found.data, step.fit
     seen = data.seen

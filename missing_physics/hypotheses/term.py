@@ -23,6 +23,8 @@ class Term:
         limits: bounds narrower than the catalogue's, set by a recording's extent: name, lower, upper.
         nominal: values in the robot file of a term that the file has; empty for any other.
         freed: those of its parameters that are estimated where the file has the term; the others are held.
+        along: which of several signals drives it, such as an estimate of a torque; empty where there is one.
+        further: odds against it beyond those of any effect, for values that were chosen from many [nats].
         in_rows: whether the file's term is in the rows already, so that only changes of its parameters, which
             are linear, contribute.
     """
@@ -35,6 +37,8 @@ class Term:
     nominal: tuple[float, ...] = ()
     freed: frozenset[str] = frozenset()
     in_rows: bool = False
+    along: str = ""
+    further: float = 0.0
 
     @classmethod
     def of(
@@ -45,6 +49,8 @@ class Term:
         *,
         run: int | None = None,
         limits: Mapping[str, tuple[float, float]] | None = None,
+        along: str = "",
+        further: float = 0.0,
     ) -> Term:
         """A term with the catalogue's defaults for values not given, within its bounds and narrower ones."""
         given = {**effect.defaults(), **values}
@@ -53,7 +59,8 @@ class Term:
         for larger, smaller in effect.ordered:
             inside[larger] = max(inside[larger], inside[smaller])
         narrower = tuple((name, *pair) for name, pair in (limits or {}).items())
-        return cls(effect, at, tuple(inside[p.name] for p in effect.parameters), run, narrower)
+        own = tuple(inside[p.name] for p in effect.parameters)
+        return cls(effect, at, own, run, narrower, along=along, further=further)
 
     @classmethod
     def given(cls, effect: Effect, at: str, values: Mapping[str, float], *, in_rows: bool = False) -> Term:
@@ -112,7 +119,8 @@ class Term:
         """The term with other values of some parameters, within the catalogue's bounds."""
         limits = {name: (low, high) for name, low, high in self.limits}
         if not self.is_given:
-            return Term.of(self.effect, self.at, {**self.parameters, **values}, run=self.run, limits=limits)
+            moved = Term.of(self.effect, self.at, {**self.parameters, **values}, limits=limits)
+            return replace(self, values=moved.values)
         found = {**self.parameters, **values}
         for p in self.effect.parameters:
             inside = min(max(found[p.name], p.lower), p.upper)

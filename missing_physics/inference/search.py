@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +21,12 @@ from missing_physics.hypotheses import (
     Hypothesis,
     Term,
     UnknownForce,
-    candidates,
 )
 from missing_physics.inference.data import Data
-from missing_physics.inference.fit import Fit, fitted, refiled
-from missing_physics.inference.ledger import ODDS, Search, Step, filable
+from missing_physics.inference.fit import Fit, fitted, refiled, residuals
+from missing_physics.inference.ledger import ODDS, D, Search, Step, filable
 from missing_physics.inference.score import independent_shares
-from missing_physics.inference.screening import Look, Screen, places
+from missing_physics.inference.screening import Look, Screen
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 
 __all__ = ["search"]
@@ -47,7 +47,7 @@ Said = Callable[[str], None]
 Number = str | tuple[Term, str]
 
 
-def search(data: Data, progress: Said | None = None) -> Search:
+def search(data: D, progress: Said | None = None) -> Search[D]:
     """Search for the effects that the recordings show beyond the robot file."""
     state = _begun(data)
     best = _grown_up(state, list(state.made.values()), progress)
@@ -63,13 +63,13 @@ def search(data: Data, progress: Said | None = None) -> Search:
     return replace(state, data=data, shares=independent_shares(data, best))
 
 
-def _begun(data: Data) -> Search:
+def _begun(data: D) -> Search[D]:
     """The standard model, and the standard model with parameters of the robot file where these serve.
 
     With friction laws in the file, both also with these laws. The common delay of all torques is estimated
     first, then the further delays of single joints.
     """
-    state = _taken_about(data, Hypothesis().filing(*(f"{joint}.{TIMING}" for joint in data.joints)))
+    state = _taken_about(data, Hypothesis().filing(*data.delays))
     if not _is_possible(data, state.standard):
         state = _taken_about(data, _without_delays(data, Hypothesis()))
     first = state.standard
@@ -93,7 +93,7 @@ def _with_laws(data: Data) -> Hypothesis:
     return found
 
 
-def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
+def _taken_about(data: D, hypothesis: Hypothesis) -> Search[D]:
     """The search state with recordings linearised about one hypothesis, whose fit is the standard."""
     first = fitted(data, hypothesis)
     about = data.about(first.numbers)
@@ -103,12 +103,12 @@ def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
     return state
 
 
-def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None) -> Fit:
+def _fitted(state: Search[Any], hypothesis: Hypothesis, start: Fit | None) -> Fit:
     """Fit a hypothesis to the recordings linearised about the start."""
     return fitted(state.data if start is None else state.about(start), hypothesis, start)
 
 
-def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
+def _timed(state: Search[Any], hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
     """The fit, or one without delays where the estimated delays are impossible."""
     fit = _fitted(state, hypothesis, start)
     if _is_possible(state.data, fit):
@@ -118,16 +118,18 @@ def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> F
 
 def _is_possible(data: Data, fit: Fit) -> bool:
     """Whether the delays of a fit are possible for a recording."""
-    common = fit.number(TIMING)
-    own = [common + fit.number(f"{joint}.{TIMING}") for joint in data.joints]
+    if not data.delays:
+        return True
+    common = sum(map(fit.number, data.timing))
+    own = [common + fit.number(name) for name in data.delays]
     return min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
 
 
 def _without_delays(data: Data, hypothesis: Hypothesis) -> Hypothesis:
-    return hypothesis.filing(TIMING, *(f"{joint}.{TIMING}" for joint in data.joints))
+    return hypothesis.filing(*data.timing, *data.delays)
 
 
-def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> Fit:
+def _grown_up(state: Search[Any], carried: Sequence[Fit], progress: Said | None) -> Fit:
     """The best fit obtained from some fits by adding effects one at a time."""
     for _ in range(MOST):
         before = max(map(state.score, carried))
@@ -140,7 +142,7 @@ def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> F
     return max(carried, key=state.score)
 
 
-def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
+def _grown(state: Search[Any], old: Fit, progress: Said | None) -> list[Fit]:
     """New credible fits with one more effect, and then one with the best effect of every place."""
     new: list[Fit] = []
     best: dict[str, tuple[float, Candidate]] = {}
@@ -184,7 +186,7 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
     return chosen
 
 
-def _looks(state: Search, old: Fit) -> Sequence[Look]:
+def _looks(state: Search[Any], old: Fit) -> Sequence[Look]:
     """All candidates that may be added to a fit, most promising first; weighed once."""
     fit, shares, known = state.looked.get(id(old), (None, None, ()))
     if fit is not old or shares is not state.shares:
@@ -193,15 +195,13 @@ def _looks(state: Search, old: Fit) -> Sequence[Look]:
     return known
 
 
-def _weighed(state: Search, old: Fit) -> list[Look]:
+def _weighed(state: Search[Any], old: Fit) -> list[Look]:
     data = state.about(old)
-    channels = frozenset.intersection(*(run.channels for run in data.runs))
-    seen = places(data, old)
-    options = list(candidates(data.standard.nominal, old.hypothesis, seen, channels, data.given))
-    return Screen(data, old, state.shares).best(options)
+    left = [np.where(data.rows_seen(i)[:, None], residuals(data, old, i), 0.0) for i in range(data.fitted)]
+    return Screen(data, old, state.shares).best(data.candidates(old.hypothesis, old.numbers, left))
 
 
-def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit) -> Fit | None:
+def _tried(state: Search[Any], candidate: Candidate, hypothesis: Hypothesis, old: Fit) -> Fit | None:
     """The fit, where it has numbers that can be."""
     data = state.data
     try:
@@ -226,7 +226,7 @@ def _is_felt(data: Data, fit: Fit, old: Fit) -> bool:
     return bool(np.any(removed > data.error**2))
 
 
-def _pruned(state: Search, best: Fit) -> Fit:
+def _pruned(state: Search[Any], best: Fit) -> Fit:
     """The fit without effects whose removal does not lower the score."""
     while best.hypothesis.terms:
         fewer = [_without(state, best, term) for term in best.hypothesis.terms]
@@ -237,7 +237,7 @@ def _pruned(state: Search, best: Fit) -> Fit:
     return best
 
 
-def _without(state: Search, best: Fit, term: Term) -> Fit:
+def _without(state: Search[Any], best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
     if hypothesis.key not in state.made:
         state.settled(state.keep(_fitted(state, hypothesis, best)))
@@ -249,15 +249,15 @@ def _changing(fit: Fit) -> tuple[Term, ...]:
     return tuple(term for term in fit.hypothesis.terms if not term.is_given or term.freed)
 
 
-def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
+def _exchanged(state: Search[Any], best: Fit, progress: Said | None) -> Fit:
     """Compare every effect with its best rivals until no exchange improves the score."""
     for _ in range(MOST):
         for term in _changing(best):
             less = _without(state, best, term)
-            for joint in state.data.joints:  # a delay is a parameter, not a term
-                if f"{joint}.{TIMING}" in less.hypothesis.filed:
-                    _estimating(state, less, f"{joint}.{TIMING}")
-            looks = [one for one in _named(_looks(state, less)) if one.candidate.term.key != term.key]
+            for name in state.data.delays:  # a delay is a parameter, not a term
+                if name in less.hypothesis.filed:
+                    _estimating(state, less, name)
+            looks = [one for one in _named(_looks(state, less)) if _is_other(one.candidate.term, term)]
             close = [one for one in looks if one.gain > looks[0].gain - CLOSE]
             for look in looks[: max(RIVALS, min(len(close), 2 * RIVALS))]:
                 hypothesis = look.candidate.added_to(less.hypothesis)
@@ -272,7 +272,12 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
     return best
 
 
-def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
+def _is_other(term: Term, than: Term) -> bool:
+    """Whether a term is another effect or place, or the same along another signal."""
+    return (term.key, term.along) != (than.key, than.along)
+
+
+def _without_names(state: Search[Any], best: Fit, progress: Said | None) -> Fit:
     """Try unnamed forces in addition to the named effects, and instead of each of them."""
     if progress:
         progress("searching for forces without a name")
@@ -292,7 +297,7 @@ def _named(looks: Sequence[Look]) -> list[Look]:
     return [look for look in looks if not _is_unnamed(look)]
 
 
-def _simplified(state: Search, best: Fit) -> Fit:
+def _simplified(state: Search[Any], best: Fit) -> Fit:
     """The fit with parameters from the robot file and without delays, where that does not lower the score."""
     data = state.data
 
@@ -311,7 +316,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
 
     while True:
         held = {name for name, _ in best.hypothesis.held} | best.hypothesis.filed
-        names: list[Number] = [name for name in (*filable(data), TIMING) if name not in held]
+        names: list[Number] = [name for name in (*filable(data), *data.timing) if name not in held]
         names += best.hypothesis.freed
         alone = {name: state.score(filed(best, name)) - state.score(best) for name in names}
         before = best
@@ -324,7 +329,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
         best = state.keep(_fitted(state, best.hypothesis, best))
 
 
-def _freed(state: Search, best: Fit) -> Fit:
+def _freed(state: Search[Any], best: Fit) -> Fit:
     """The fit with parameters estimated again where the robot file's value lowers the score."""
     for name in sorted(best.hypothesis.filed):
         trial = _estimating(state, best, name)
@@ -332,7 +337,7 @@ def _freed(state: Search, best: Fit) -> Fit:
     return best
 
 
-def _estimating(state: Search, fit: Fit, name: str) -> Fit:
+def _estimating(state: Search[Any], fit: Fit, name: str) -> Fit:
     """The fit that estimates one parameter so far taken from the robot file."""
     hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
     if hypothesis.key not in state.made:
