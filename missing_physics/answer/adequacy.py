@@ -12,8 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.inference import Fit
-from missing_physics.inference.torques.data import TorqueData
+from missing_physics.inference import Data, Fit
 from missing_physics.results.comparison import AT_NOISE, LITTLE
 
 __all__ = ["adequacies"]
@@ -27,7 +26,7 @@ EXPLAINED = 0.89
 ELSEWHERE = 0.68
 
 
-def adequacies(data: TorqueData, fit: Fit) -> Callable[[str], float]:
+def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
     """Share of right explanations at a place: a joint, its channel, or a body, which affects all joints.
 
     Args:
@@ -43,7 +42,7 @@ def adequacies(data: TorqueData, fit: Fit) -> Callable[[str], float]:
     return adequacy
 
 
-def _explained(data: TorqueData, fit: Fit) -> NDArray[np.bool_]:
+def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
     """Whether the held-out residual is at the noise or small compared with the mismatch, shape (n,)."""
     unseen = ~data.seen
     count = np.maximum(data.counts[unseen].sum(axis=0), 1.0)
@@ -53,6 +52,5 @@ def _explained(data: TorqueData, fit: Fit) -> NDArray[np.bool_]:
         if block.fold not in data.folds:
             left = data.target(block.run)[block.rows] - data.nominal(block.run)[block.rows]
             before += np.sum(left**2, axis=0) / count
-    noise = np.mean([run.rows.noise**2 for run in data.runs], axis=0)
-    floor = noise + data.error**2
+    floor = data.noise**2 + data.error**2
     return np.asarray((after <= AT_NOISE**2 * floor) | (after - floor <= LITTLE * (before - floor)))

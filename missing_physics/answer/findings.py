@@ -24,7 +24,7 @@ from reference_model.effects.base import JointEffect, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint
 
-__all__ = ["STATED", "Answer", "answer_of", "is_large", "keys_of", "of_bodies"]
+__all__ = ["QUANTILE", "RIVAL", "STATED", "Answer", "answer_of", "is_large", "keys_of", "of_bodies"]
 
 Array = NDArray[np.float64]
 #: A finding, and the energy that it explains.

@@ -15,7 +15,7 @@ from missing_physics.results.samples import Rows
 from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of
 
-__all__ = ["BEYOND_NOISE", "located", "residual_of"]
+__all__ = ["BEYOND_NOISE", "located", "p_value_of", "residual_of"]
 
 Array = NDArray[np.float64]
 
@@ -65,12 +65,12 @@ def located(
     for k in np.argsort(-shares):
         if not any(rows[i].counted[:, k].any() for i in fitted):
             continue
-        p_value = _p_value(np.concatenate([left[i][rows[i].counted[:, k], k] for i in fitted]), floor[k])
+        p_value = p_value_of(np.concatenate([left[i][rows[i].counted[:, k], k] for i in fitted]), floor[k])
         found.append(_described(data, robot, rows, [one[:, k] for one in left], int(k), shares[k], p_value))
     return tuple(found)
 
 
-def _p_value(residual: Array, floor: float) -> float:
+def p_value_of(residual: Array, floor: float) -> float:
     """Probability that noise of rms `floor`, known to within the tolerance, gives as large a residual."""
     if residual.size < FEWEST:
         return 1.0

@@ -120,6 +120,11 @@ class Data(ABC):
 
     @property
     @abstractmethod
+    def noise(self) -> Array:
+        """rms in each channel that sensors leave, shape (n,)."""
+
+    @property
+    @abstractmethod
     def independent(self) -> float:
         """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
 
@@ -144,6 +149,10 @@ class Data(ABC):
     @abstractmethod
     def target(self, run: int) -> Array:
         """What the parameters predict in one recording, zero where nothing is compared, shape (K, n)."""
+
+    @abstractmethod
+    def nominal(self, run: int) -> Array:
+        """What the robot file predicts in one recording, zero where nothing is compared, shape (K, n)."""
 
     @abstractmethod
     def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:

@@ -59,7 +59,7 @@ class Screen:
         self.count = np.sum([b.count for b in data.blocks if b.fold != HELD_OUT], axis=0)
 
     def best(self, options: Sequence[Candidate]) -> list[Look]:
-        """The best start of every effect at every place, most promising first.
+        """The best start of every effect at every place, along every signal, most promising first.
 
         Parameters of a law in the robot file that are estimated pay their prior odds, but for one.
         """
@@ -69,7 +69,7 @@ class Screen:
                 for i in range(self.data.fitted):
                     self.data.terms.prepare([each.term for each in options[number : number + TOGETHER]], i)
             gain = self.gain(option) - ODDS * max(option.numbers - 1, 0)
-            key = (option.term.key, option.term.run)
+            key = (option.term.key, option.term.run, option.term.along)
             if key not in found or gain > found[key].gain:
                 found[key] = Look(option, gain)
         return sorted(found.values(), key=lambda look: -look.gain)

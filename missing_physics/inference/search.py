@@ -178,12 +178,20 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
     places = {_place(look.candidate.term) for look in looks}
     most, counts = max(PER_PLACE, FITTED // max(len(places), 1)), dict.fromkeys(places, 0)
     chosen = []
-    for look in looks:
+    for look in _leading(looks):
         place = _place(look.candidate.term)
         if look.gain >= PROMISE * ODDS and counts[place] < most:
             counts[place] += 1
             chosen.append(look)
     return chosen
+
+
+def _leading(looks: Sequence[Look]) -> list[Look]:
+    """Of every effect at every place, the most promising of the signals that may drive it."""
+    best: dict[tuple[object, ...], Look] = {}
+    for look in looks:
+        best.setdefault((look.candidate.term.key, look.candidate.term.run), look)
+    return list(best.values())
 
 
 def _looks(state: Search[Any], old: Fit) -> Sequence[Look]:
@@ -257,9 +265,11 @@ def _exchanged(state: Search[Any], best: Fit, progress: Said | None) -> Fit:
             for name in state.data.delays:  # a delay is a parameter, not a term
                 if name in less.hypothesis.filed:
                     _estimating(state, less, name)
-            looks = [one for one in _named(_looks(state, less)) if _is_other(one.candidate.term, term)]
+            every = _named(_looks(state, less))
+            looks = [one for one in _leading(every) if one.candidate.term.key != term.key]
             close = [one for one in looks if one.gain > looks[0].gain - CLOSE]
-            for look in looks[: max(RIVALS, min(len(close), 2 * RIVALS))]:
+            same = [one for one in every if _is_along_another(one.candidate.term, term)]
+            for look in (*looks[: max(RIVALS, min(len(close), 2 * RIVALS))], *same):
                 hypothesis = look.candidate.added_to(less.hypothesis)
                 if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                     _tried(state, look.candidate, hypothesis, less)
@@ -272,9 +282,9 @@ def _exchanged(state: Search[Any], best: Fit, progress: Said | None) -> Fit:
     return best
 
 
-def _is_other(term: Term, than: Term) -> bool:
-    """Whether a term is another effect or place, or the same along another signal."""
-    return (term.key, term.along) != (than.key, than.along)
+def _is_along_another(term: Term, than: Term) -> bool:
+    """Whether a term is the same effect along another signal."""
+    return term.key == than.key and term.along != than.along
 
 
 def _without_names(state: Search[Any], best: Fit, progress: Said | None) -> Fit:

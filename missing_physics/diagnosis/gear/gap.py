@@ -8,18 +8,17 @@ decimates as it does for torques.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.dynamics.along import Along
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
-__all__ = ["Gap", "gap_of", "gaps_of", "shifted", "with_net_torque"]
+__all__ = ["Gap", "gaps_of"]
 
 Array = NDArray[np.float64]
 
@@ -77,10 +76,20 @@ class Gap:
         return self.along.motion.acceleration[:, self.index]
 
     @property
+    def link(self) -> str:
+        """The link behind the joint."""
+        return self.along.joints[self.index].child
+
+    @property
     def gear_ratio(self) -> float:
         """Motor turns per joint turn."""
         actuator = self.along.joints[self.index].actuator
         return actuator.gear_ratio if actuator else 1.0
+
+    @property
+    def is_prismatic(self) -> bool:
+        """Whether the joint slides."""
+        return self.along.joints[self.index].kind == "prismatic"
 
     @property
     def transition(self) -> float:
@@ -96,18 +105,26 @@ class Gap:
         return self.along.motion.low_pass.reduce(values)
 
 
-def gaps_of(along: Sequence[Along], recordings: Sequence[Recording]) -> dict[str, tuple[Gap, ...]]:
-    """The gap of every joint that has both encoders in all of the recordings, by joint."""
-    found: dict[str, tuple[Gap, ...]] = {}
-    for index, joint in enumerate(along[0].joints):
-        gaps = [gap_of(one, recording, index) for one, recording in zip(along, recordings)]
+def gaps_of(
+    along: Sequence[Along], recordings: Sequence[Recording], fitted: int
+) -> tuple[tuple[Gap, ...], ...]:
+    """The gaps of all joints that have both encoders in all of the recordings, recording by recording.
+
+    Args:
+        along: motion and dynamics of each recording.
+        recordings: the fitted ones first.
+        fitted: how many of them are fitted.
+    """
+    found = []
+    for index in range(len(along[0].joints)):
+        gaps = [_gap_of(one, recording, index) for one, recording in zip(along, recordings)]
         present = tuple(gap for gap in gaps if gap is not None)
         if present and len(present) == len(along):
-            found[joint.name] = present
-    return found
+            found.append(_with_friction(present, fitted))
+    return tuple(zip(*found))
 
 
-def gap_of(along: Along, recording: Recording, index: int) -> Gap | None:
+def _gap_of(along: Along, recording: Recording, index: int) -> Gap | None:
     """The gap of one joint; None without both encoders."""
     joint = along.joints[index].name
     channels = f"{joint}.position", f"{joint}.motor_position"
@@ -178,32 +195,29 @@ def _torques(along: Along, index: int) -> dict[str, Array]:
     return torques
 
 
-def with_net_torque(gaps: Sequence[Gap], trained: int) -> tuple[Gap, ...]:
-    """Add `net`: the motor's torque less a friction that is odd in velocity, fitted on the first `trained`.
+def _with_friction(gaps: Sequence[Gap], fitted: int) -> tuple[Gap, ...]:
+    """Gaps with torques in which friction is told apart, fitted as odd in velocity.
 
     ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model misses
-    (a counterbalance, a wrong mass) and stays in the torque, the friction is taken out of it.
+    (a counterbalance, a wrong mass). Friction in front of the gear is taken out of the motor's torque (`net`),
+    friction behind it is added to that of the links (`link and friction`).
     """
     if any("motor" not in gap.torques for gap in gaps):
         return tuple(gaps)
-    rows = [np.column_stack([_friction(gap), _curve(gap)]) for gap in gaps[:trained]]
+    rows = [np.column_stack([_friction(gap), _curve(gap)]) for gap in gaps[:fitted]]
     columns = np.concatenate([gap.reduce(block) for gap, block in zip(gaps, rows)])
-    excess = np.concatenate([g.reduce(g.torques["motor"] - g.torques["link"]) for g in gaps[:trained]])
+    excess = np.concatenate([g.reduce(g.torques["motor"] - g.torques["link"]) for g in gaps[:fitted]])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     law = (np.linalg.lstsq(columns / scale, excess, rcond=1e-8)[0] / scale)[:2]
-    return tuple(
-        Gap(
-            gap.along,
-            gap.index,
-            gap.joint,
-            gap.difference,
-            gap.noise_floor,
-            {**gap.torques, "net": gap.torques["motor"] - _friction(gap) @ law},
-            float(law[1]),
-            gap.steps,
-        )
-        for gap in gaps
-    )
+    found = []
+    for gap in gaps:
+        friction = _friction(gap) @ law
+        more = {
+            "net": gap.torques["motor"] - friction,
+            "link and friction": gap.torques["link"] + friction,
+        }
+        found.append(replace(gap, torques={**gap.torques, **more}, viscous=float(law[1])))
+    return tuple(found)
 
 
 def _friction(gap: Gap) -> Array:
@@ -213,10 +227,3 @@ def _friction(gap: Gap) -> Array:
 def _curve(gap: Gap) -> Array:
     """A parabola over position about the recording's middle keeps the columns well conditioned."""
     return np.column_stack([np.ones(gap.position.size), gap.position, gap.position**2])
-
-
-def shifted(gap: Gap, delay: float) -> Array:
-    """Motor position `delay` seconds ago less now; beyond the ends it stands still."""
-    then = np.clip(gap.time - delay, gap.time[0], gap.time[-1])
-    # A straight line between samples would err by acceleration times sample time squared over eight.
-    return np.asarray(make_interp_spline(gap.time, gap.position, k=3)(then) - gap.position)

@@ -206,6 +206,11 @@ class TorqueData(Data):
         """Relative width of the prior of bodies that the standard model chose."""
         return self.standard.estimate.width
 
+    @cached_property
+    def noise(self) -> Array:
+        """rms at each joint that sensors leave of the torques [N m or N], shape (n,)."""
+        return np.sqrt(np.mean([run.rows.noise**2 for run in self.runs], axis=0))
+
     @property
     def timing(self) -> tuple[str, ...]:
         """Name of the delay that all torques share."""
