@@ -25,6 +25,7 @@ class Term:
         freed: those of its parameters that are estimated where the file has the term; the others are held.
         along: which of several signals drives it, such as an estimate of a torque; empty where there is one.
         further: odds against it beyond those of any effect, for values that were chosen from many [nats].
+        optional: numbers that the effect may lack; each is as improbable as another effect.
         in_rows: whether the file's term is in the rows already, so that only changes of its parameters, which
             are linear, contribute.
     """
@@ -39,6 +40,7 @@ class Term:
     in_rows: bool = False
     along: str = ""
     further: float = 0.0
+    optional: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -51,6 +53,7 @@ class Term:
         limits: Mapping[str, tuple[float, float]] | None = None,
         along: str = "",
         further: float = 0.0,
+        optional: frozenset[str] = frozenset(),
     ) -> Term:
         """A term with the catalogue's defaults for values not given, within its bounds and narrower ones."""
         given = {**effect.defaults(), **values}
@@ -60,7 +63,7 @@ class Term:
             inside[larger] = max(inside[larger], inside[smaller])
         narrower = tuple((name, *pair) for name, pair in (limits or {}).items())
         own = tuple(inside[p.name] for p in effect.parameters)
-        return cls(effect, at, own, run, narrower, along=along, further=further)
+        return cls(effect, at, own, run, narrower, along=along, further=further, optional=optional)
 
     @classmethod
     def given(cls, effect: Effect, at: str, values: Mapping[str, float], *, in_rows: bool = False) -> Term:
@@ -105,6 +108,22 @@ class Term:
     def filed(self, name: str) -> float:
         """The robot file's value of a parameter of a term that the file has."""
         return dict(zip((p.name for p in self.effect.parameters), self.nominal))[name]
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Those of the optional numbers that it has."""
+        return tuple(p.name for p in self.free if p.name in self.optional)
+
+    def lacking(self, name: str) -> Term:
+        """The term without an optional number."""
+        absent = self.effect.parameter(name).absent
+        assert absent is not None
+        limits = (*(own for own in self.limits if own[0] != name), (name, absent, absent))
+        return replace(self, limits=limits).moved({name: absent})
+
+    def having(self, name: str) -> Term:
+        """The term with an optional number that it lacks."""
+        return replace(self, limits=tuple(own for own in self.limits if own[0] != name))
 
     def freeing(self, *names: str) -> Term:
         """A term of the robot file with further parameters estimated."""

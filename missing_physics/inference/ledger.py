@@ -152,10 +152,10 @@ def prior(data: Data, fit: Fit) -> float:
     """
     hypothesis = fit.hypothesis
     added = [term for term in hypothesis.terms if not term.is_given]
-    effects = sum(
-        ODDS + term.further + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
-        for term in added
-    )
+    effects = 0.0
+    for term in added:
+        effects += ODDS * (1 + len(term.added)) + term.further
+        effects += EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
     for term in added:

@@ -182,8 +182,14 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
         place = _place(look.candidate.term)
         if look.gain >= PROMISE * ODDS and counts[place] < most:
             counts[place] += 1
-            chosen.append(look)
+            chosen += [other for other in looks if _is_same(other, look) and other.gain >= PROMISE * ODDS]
     return chosen
+
+
+def _is_same(one: Look, other: Look) -> bool:
+    """Whether two candidates are one effect, along whatever signal."""
+    own, theirs = one.candidate.term, other.candidate.term
+    return (own.key, own.run) == (theirs.key, theirs.run)
 
 
 def _leading(looks: Sequence[Look]) -> list[Look]:
@@ -238,6 +244,7 @@ def _pruned(state: Search[Any], best: Fit) -> Fit:
     """The fit without effects whose removal does not lower the score."""
     while best.hypothesis.terms:
         fewer = [_without(state, best, term) for term in best.hypothesis.terms]
+        fewer += [_lacking(state, best, term, name) for term in best.hypothesis.terms for name in term.added]
         top = max(fewer, key=state.score)
         if state.score(top) <= state.score(best):
             break
@@ -249,6 +256,15 @@ def _without(state: Search[Any], best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
     if hypothesis.key not in state.made:
         state.settled(state.keep(_fitted(state, hypothesis, best)))
+    return state.made[hypothesis.key]
+
+
+def _lacking(state: Search[Any], best: Fit, term: Term, name: str) -> Fit:
+    """The fit without an optional number of a term."""
+    terms = tuple(one.lacking(name) if one is term else one for one in best.hypothesis.terms)
+    hypothesis = replace(best.hypothesis, terms=terms)
+    if hypothesis.key not in state.made:
+        state.keep(_fitted(state, hypothesis, best))
     return state.made[hypothesis.key]
 
 

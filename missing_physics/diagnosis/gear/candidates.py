@@ -1,4 +1,4 @@
-"""Which effects may be added to a hypothesis on the gap of one joint, and the starting values of their fits."""
+"""Which effects may be added to a hypothesis on the gap of one joint, and where their fits start."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.gear.columns import VELOCITY
 from missing_physics.diagnosis.gear.gap import Gap
-from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, ELASTICITY, HYSTERESIS, OF_GEARS
+from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, ELASTICITY, HYSTERESIS, OF_GEARS, OPTIONAL
 from missing_physics.hypotheses import Candidate, Sight, Term, extent_of
 from missing_physics.inference.ledger import ODDS
 from reference_model.effects.catalogue import get_effect
@@ -19,7 +19,8 @@ __all__ = ["SEEN_CYCLE", "candidates"]
 Array = NDArray[np.float64]
 
 #: Starting values: travel of friction inside a gear, and torque within which flanks fly, as parts of the
-#: range of the torque; friction inside a gear as a part of its rms.
+#: range of the torque, the last also the most, beyond which flanks that fly would be a spring; friction
+#: inside a gear as a part of its rms.
 TRAVELS, FLIGHTS, HEIGHT = (0.01, 0.03, 0.1, 0.3), (0.01, 0.03, 0.1), 0.1
 #: A cycle over position of a known order is looked for when the motion covers this much of it [rad].
 SEEN_CYCLE = np.pi
@@ -45,14 +46,11 @@ def candidates(gaps: Sequence[Gap], terms: Sequence[Term], left: Sequence[Array]
 
 def _of_encoders(gaps: Sequence[Gap], left: Sequence[Array]) -> Iterator[Candidate]:
     position, motor = (f"{gaps[0].joint}.{side}" for side in ("position", "motor_position"))
-    for effect, channels in (
-        ("sensor_gain", (position,)),
-        ("sensor_delay", (position, motor)),
-        ("clock_drift", (position,)),
-    ):
+    speed = np.concatenate([gap.reduce(gap.velocity) for gap in gaps])
+    late = position if float(speed @ np.concatenate(list(left))) <= 0.0 else motor
+    for effect, channel in (("sensor_gain", position), ("sensor_delay", late), ("clock_drift", position)):
         law = get_effect(effect)
-        for channel in channels:
-            yield Candidate(Term.of(law, channel, {p.name: 0.0 for p in law.parameters}))
+        yield Candidate(Term.of(law, channel, {p.name: 0.0 for p in law.parameters}))
     if gaps[0].is_prismatic:
         return
     extents = [extent_of(_sight(gap, own)) for gap, own in zip(gaps, left)]
@@ -66,7 +64,8 @@ def _of_encoders(gaps: Sequence[Gap], left: Sequence[Array]) -> Iterator[Candida
         if order * travel >= SEEN_CYCLE and order * travel < 2.0 * np.pi * most:
             fixed = {"order": (order, order)}
             yield Candidate(Term.of(eccentricity, channel, _cycle(order), limits=fixed))
-    further = float(np.log(max(2.0 * most, 1.0)))  # orders that can be told apart, by Rayleigh's criterion
+    # A ratio that the file does not list, one of the orders that can be told apart by Rayleigh's criterion.
+    further = ODDS + float(np.log(max(2.0 * most, 1.0)))
     cycle = 2.0 * np.pi / travel
     for order in (SLOW * cycle, *(order for extent in extents for order in extent.orders)):
         wide = {"order": (FEWEST * cycle, eccentricity.parameter("order").upper)}
@@ -100,20 +99,26 @@ def _of_gear(gaps: Sequence[Gap], terms: Sequence[Term], left: Sequence[Array]) 
         turns = any(torque.min() < 0.0 < torque.max() for torque in torques)
         if not {ELASTICITY.id, HYSTERESIS.id} & here.keys():
             stiffness = _stiffness([gap.reduce(gap.torques[along]) for gap in gaps], left)
-            yield Candidate(Term.of(ELASTICITY, joint, {"stiffness": stiffness}, along=along))
+            spring = Term.of(ELASTICITY, joint, {"stiffness": stiffness}, along=along, optional=OPTIONAL)
+            for name in OPTIONAL:
+                spring = spring.lacking(name)
+            yield Candidate(spring)
+        for term in here.values():
+            for name in sorted(term.optional - set(term.added)):
+                yield Candidate(term.having(name), instead=term.key)
         if HYSTERESIS.id in here:
             continue
         if BACKLASH.id not in here and turns:
             for part in FLIGHTS:
-                yield _play(joint, along, part * span, span)
+                yield _play(joint, along, part * span, FLIGHTS[-1] * span)
         if ELASTICITY.id in here and BACKLASH.id not in here:
-            spring = here[ELASTICITY.id].parameters["stiffness"]
+            found = here[ELASTICITY.id].parameters["stiffness"]
             height = HEIGHT * float(np.sqrt(np.mean(np.concatenate(torques) ** 2)))
             for part in TRAVELS:
-                values = {"torque": height, "travel": part * span / spring, "stiffness": spring}
+                values = {"torque": height, "travel": part * span / found, "stiffness": found}
                 lossy = Term.of(HYSTERESIS, joint, values, along=along, further=ODDS)  # two effects in one
                 yield Candidate(lossy, instead=(ELASTICITY.id, joint))
-    if not {BACKLASH.id, HYSTERESIS.id} & here.keys():
+    if not {BACKLASH.id, HYSTERESIS.id} & here.keys() and "motor" not in gaps[0].torques:
         fastest = max(float(np.abs(gap.velocity).max()) for gap in gaps)
         yield _play(joint, VELOCITY, max(gap.transition for gap in gaps), fastest)
 

@@ -19,7 +19,7 @@ __all__ = ["VELOCITY", "GapColumns"]
 
 Array = NDArray[np.float64]
 
-#: Name of the signal that drives play where nothing but friction is known to load the gear.
+#: Name of the signal that drives play where no torque is recorded, so that friction is not known.
 VELOCITY = "velocity"
 #: Most numbers in the cached columns: 64 MB.
 KEPT = 8_000_000
@@ -48,7 +48,7 @@ class GapColumns:
         places = [
             k for k, gap in enumerate(self._gaps[run]) if term.at.split(".")[0] in (gap.joint, gap.link)
         ]
-        key = (*term.key, term.values, term.along, run)
+        key = (*term.key, term.values, term.along, tuple(p.name for p in term.free), run)
         if key not in self._kept:
             gap = self._gaps[run][places[0]]
             found = gap.reduce(_columns(term, gap))
@@ -99,16 +99,20 @@ def _sensor(term: Term, effect: SensorEffect, gap: Gap) -> Array:
 
 
 def _lossy(term: Term, gap: Gap) -> Array:
-    """With r = T_h / K and the state z of size K travel and height T_h: the gap is r z - T / K."""
-    height, travel, stiffness = term.values
-    size, torque = stiffness * travel, gap.torques[term.along]
-    state, by_size, by_height = lagging(gap.smooth(torque), size, height).T
-    ratio = height / stiffness
-    return np.column_stack(
-        [
-            ratio * state - torque / stiffness,
-            state / stiffness + ratio * by_height,
-            ratio * by_size * stiffness,
-            torque / stiffness**2 - ratio * state / stiffness + ratio * by_size * travel,
-        ]
-    )
+    """The gap is r z - T / K + D dT/dt c^2, to first order in D.
+
+    With r = T_h / K, the state z of size K travel and height T_h, and c = de/dT without damping.
+    """
+    p, torque = term.parameters, gap.torques[term.along]
+    height, travel, stiffness, slow = p["torque"], p["travel"], p["stiffness"], gap.smooth(torque)
+    state, by_size, by_height = lagging(slow, stiffness * travel, height).T
+    ratio, rate = height / stiffness, np.gradient(slow, gap.time)
+    compliance = 1.0 / (stiffness + height * (1.0 - state * np.sign(rate)) / travel)
+    columns = {
+        "torque": state / stiffness + ratio * by_height,
+        "travel": ratio * by_size * stiffness,
+        "stiffness": torque / stiffness**2 - ratio * state / stiffness + ratio * by_size * travel,
+        "damping": rate * compliance**2,
+    }
+    whole = ratio * state - torque / stiffness + p["damping"] * columns["damping"]
+    return np.column_stack([whole, *(columns[q.name] for q in term.free)])

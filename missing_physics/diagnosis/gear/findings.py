@@ -12,7 +12,7 @@ from missing_physics.answer.adequacy import adequacies
 from missing_physics.answer.findings import QUANTILE, RIVAL, STATED
 from missing_physics.diagnosis.gear.data import GapData
 from missing_physics.diagnosis.gear.laws import keys_of, numbers_of
-from missing_physics.inference import Fit, Posterior
+from missing_physics.inference import Fit, Posterior, Search
 from missing_physics.inference.fit import residuals
 from missing_physics.results.result import Alternative, ChannelFit, ChannelSeries, Errors, Estimate, Finding
 
@@ -27,16 +27,16 @@ def channel_of(joint: str) -> str:
     return f"{joint}.position - {joint}.motor_position"
 
 
-def findings_of(data: GapData, known: Posterior) -> tuple[Finding, ...]:
+def findings_of(found: Search[GapData], known: Posterior) -> tuple[Finding, ...]:
     """What the most probable hypothesis states, joint by joint, with its rivals in the others."""
-    fit = known.answer
+    data, fit = found.data, known.answer
     right = adequacies(data, fit)
-    found = []
+    made = []
     for key in sorted(keys_of(fit.hypothesis.terms), key=lambda key: (_channel(data, key), key)):
         chance, rivals = _chance(known, key), _rivals(known, fit, key)
         if chance > STATED or (chance >= RIVAL and rivals):
-            found.append(_finding(data, known, key, chance, rivals))
-    return tuple(replace(f, probability=right(f.location) * min(f.probability, 1.0)) for f in found)
+            made.append(_finding(found, known, key, chance, rivals))
+    return tuple(replace(f, probability=right(f.location) * min(f.probability, 1.0)) for f in made)
 
 
 def _channel(data: GapData, key: Key) -> int:
@@ -65,18 +65,18 @@ def _rivals(known: Posterior, fit: Fit, key: Key) -> list[tuple[Key, float]]:
 
 
 def _finding(
-    data: GapData, known: Posterior, key: Key, chance: float, rivals: list[tuple[Key, float]]
+    found: Search[GapData], known: Posterior, key: Key, chance: float, rivals: list[tuple[Key, float]]
 ) -> Finding:
     return Finding(
         effect=key[0],
         location=key[1],
         probability=chance,
-        parameters=_parameters(data, known, key),
+        parameters=_parameters(found.data, known, key),
         ambiguous_with=tuple(f"{effect}@{at}" for (effect, at), _ in rivals),
         alternatives=tuple(
             Alternative(*rival, p, "it predicts held-out data less well") for rival, p in rivals
         ),
-        validation_improvement=_gain(data, known, key),
+        validation_improvement=_gain(found, known.answer, key),
     )
 
 
@@ -107,13 +107,14 @@ def _parameters(data: GapData, known: Posterior, key: Key) -> dict[str, Estimate
     return found
 
 
-def _gain(data: GapData, known: Posterior, key: Key) -> float:
+def _gain(found: Search[GapData], fit: Fit, key: Key) -> float:
     """Part of the held-out error that an effect removes, compared with the same hypothesis without it."""
-    fit, k = known.answer, _channel(data, key)
+    data, k = found.data, _channel(found.data, key)
     less = keys_of(fit.hypothesis.terms) - {key}
-    without = next((one for one in known.fits if keys_of(one.hypothesis.terms) == less), None)
-    if without is None:
+    others = [one for one in found.made.values() if keys_of(one.hypothesis.terms) == less]
+    if not others:
         return 0.0
+    without = max(others, key=found.gain)
     before, after = (np.sqrt(one.errors[~data.seen, k].sum()) for one in (without, fit))
     return float(1.0 - after / before) if before > 0.0 else 0.0
 

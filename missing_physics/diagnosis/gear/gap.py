@@ -198,9 +198,10 @@ def _torques(along: Along, index: int) -> dict[str, Array]:
 def _with_friction(gaps: Sequence[Gap], fitted: int) -> tuple[Gap, ...]:
     """Gaps with torques in which friction is told apart, fitted as odd in velocity.
 
-    ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model misses
-    (a counterbalance, a wrong mass). Friction in front of the gear is taken out of the motor's torque (`net`),
-    friction behind it is added to that of the links (`link and friction`).
+    ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model
+    misses (a counterbalance, a wrong mass), and is added to their torque (`link`). Friction in front of the
+    gear is taken out of the motor's torque (`net`), friction behind it is added to that of the links (`link
+    and friction`). Torques of the links have no noise, those of the motor miss nothing else.
     """
     if any("motor" not in gap.torques for gap in gaps):
         return tuple(gaps)
@@ -208,15 +209,18 @@ def _with_friction(gaps: Sequence[Gap], fitted: int) -> tuple[Gap, ...]:
     columns = np.concatenate([gap.reduce(block) for gap, block in zip(gaps, rows)])
     excess = np.concatenate([g.reduce(g.torques["motor"] - g.torques["link"]) for g in gaps[:fitted]])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    law = (np.linalg.lstsq(columns / scale, excess, rcond=1e-8)[0] / scale)[:2]
+    law = np.linalg.lstsq(columns / scale, excess, rcond=1e-8)[0] / scale
     found = []
     for gap in gaps:
-        friction = _friction(gap) @ law
-        more = {
-            "net": gap.torques["motor"] - friction,
-            "link and friction": gap.torques["link"] + friction,
+        friction, link = _friction(gap) @ law[:2], gap.torques["link"] + _curve(gap) @ law[2:]
+        motor = gap.torques["motor"]
+        torques = {
+            "link": link,
+            "link and friction": link + friction,
+            "net": motor - friction,
+            "motor": motor,
         }
-        found.append(replace(gap, torques={**gap.torques, **more}, viscous=float(law[1])))
+        found.append(replace(gap, torques=torques, viscous=float(law[1])))
     return tuple(found)
 
 

@@ -85,7 +85,7 @@ def diagnose_transmission(
     found = search(GapData.of(robot, gaps, len(recordings)), progress)
     data, posterior = found.data, weighed(found)
     standard, answer = found.standard, posterior.answer
-    findings = findings_of(data, posterior)
+    findings = findings_of(found, posterior)
     return TransmissionResult(
         mismatch=tuple(_located(data, standard)),
         findings=findings,
@@ -191,8 +191,8 @@ def _common_delay(findings: Sequence[Finding]) -> Iterator[str]:
     mean = float(np.average(values, weights=halves**-2.0))
     if np.all(np.abs(values - mean) <= halves):
         pooled = float(1 / np.sqrt(np.sum(halves**-2.0)))
+        names = ", ".join(f.location.split(".")[0] for f in delays)
         yield (
-            f"{', '.join(f.location.split('.')[0] for f in delays)} agree on one delay, {1e3 * mean:.3g} +- "
-            f"{1e3 * pooled:.2g} ms: that speaks for the timing of the measurement, since wind-up by friction "
-            "differs from joint to joint."
+            f"{names} agree on one delay, {1e3 * mean:.3g} +- {1e3 * pooled:.2g} ms: that speaks for the "
+            "timing of the measurement, since wind-up by friction differs from joint to joint."
         )
