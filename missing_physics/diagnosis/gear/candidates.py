@@ -92,7 +92,7 @@ def _of_gear(gaps: Sequence[Gap], terms: Sequence[Term], left: Sequence[Array]) 
     here = {term.effect.id: term for term in terms if term.at == joint and term.effect.id in OF_GEARS}
     chosen = {term.along for term in here.values()} - {VELOCITY}
     for along in sorted(chosen or gaps[0].torques):
-        torques = [gap.smooth(gap.torques[along]) for gap in gaps]
+        torques = [gap.smooth[along] for gap in gaps]
         span = max(float(np.ptp(torque)) for torque in torques)
         if span <= 0.0:
             continue

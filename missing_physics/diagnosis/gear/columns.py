@@ -74,14 +74,14 @@ def _columns(term: Term, gap: Gap) -> Array:
     if isinstance(effect, SensorEffect):
         return _sensor(term, effect, gap)
     if isinstance(effect, YieldingGear):
-        torque = gap.torques[term.along]
+        torque = gap.smooth[term.along]
         twist = GearAlong(effect).evaluate(torque, np.gradient(torque, gap.time), p)
         names = [q.name for q in effect.estimated]
         return -twist[:, [0, *(1 + names.index(q.name) for q in term.free)]]
     if effect is BENDING:
         return -gap.acceleration[:, None] * np.array([p["static_deflection"], 1.0])
     if effect is BACKLASH:
-        drive = gap.velocity if term.along == VELOCITY else gap.smooth(gap.torques[term.along])
+        drive = gap.velocity if term.along == VELOCITY else gap.smooth[term.along]
         side = np.tanh(drive / p["flight"])
         turning = (1.0 - side**2) * drive / p["flight"] ** 2
         return np.column_stack([-p["half_width"] * side, -side, p["half_width"] * turning])
@@ -103,10 +103,10 @@ def _lossy(term: Term, gap: Gap) -> Array:
 
     With r = T_h / K, the state z of size K travel and height T_h, and c = de/dT without damping.
     """
-    p, torque = term.parameters, gap.torques[term.along]
-    height, travel, stiffness, slow = p["torque"], p["travel"], p["stiffness"], gap.smooth(torque)
-    state, by_size, by_height = lagging(slow, stiffness * travel, height).T
-    ratio, rate = height / stiffness, np.gradient(slow, gap.time)
+    p, torque = term.parameters, gap.smooth[term.along]
+    height, travel, stiffness = p["torque"], p["travel"], p["stiffness"]
+    state, by_size, by_height = lagging(torque, stiffness * travel, height).T
+    ratio, rate = height / stiffness, np.gradient(torque, gap.time)
     compliance = 1.0 / (stiffness + height * (1.0 - state * np.sign(rate)) / travel)
     columns = {
         "torque": state / stiffness + ratio * by_height,

@@ -96,9 +96,11 @@ class Gap:
         """Speed below which the sign of the velocity is not known."""
         return float(self.along.transition[self.index])
 
-    def smooth(self, values: Array) -> Array:
-        """Filtered at the full rate."""
-        return self.along.motion.low_pass.smooth(values)
+    @cached_property
+    def smooth(self) -> Mapping[str, Array]:
+        """The torques filtered, since their noise would hide what is not linear in them."""
+        low_pass = self.along.motion.low_pass
+        return {name: low_pass.smooth(torque) for name, torque in self.torques.items()}
 
     def reduce(self, values: Array) -> Array:
         """Filtered and decimated along the first axis."""

@@ -157,7 +157,7 @@ def _open_questions(data: GapData, answer: Fit, findings: Sequence[Finding], k: 
             f"recorded torque are; '{spring.along}' predicts the gap best."
         )
         if spring.effect is ELASTICITY and not stated & {"backlash", "gear_hysteresis"}:
-            torques = [own[k].smooth(own[k].torques[spring.along]) for own in data.gaps[: data.fitted]]
+            torques = [own[k].smooth[spring.along] for own in data.gaps[: data.fitted]]
             if not any(torque.min() < 0.0 < torque.max() for torque in torques):
                 yield (
                     f"{joint}: the torque through its gear never changes its sign, so that play between its "
