@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.along import Along
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
@@ -118,20 +119,42 @@ def gaps_of(
         fitted: how many of them are fitted.
     """
     found = []
+    links = [_of_links(one, recording) for one, recording in zip(along, recordings)]
     for index in range(len(along[0].joints)):
-        gaps = [_gap_of(one, recording, index) for one, recording in zip(along, recordings)]
+        gaps = [_gap_of(one, *each, index) for one, *each in zip(along, links, recordings)]
         present = tuple(gap for gap in gaps if gap is not None)
         if present and len(present) == len(along):
             found.append(_with_friction(present, fitted))
     return tuple(zip(*found))
 
 
-def _gap_of(along: Along, recording: Recording, index: int) -> Gap | None:
+def _difference(along: Along, recording: Recording, index: int) -> Array | None:
+    """Position less motor position of one joint, shape (N,); None without both encoders."""
+    joint, motion = along.joints[index].name, along.motion
+    if f"{joint}.position" not in motion.others or f"{joint}.motor_position" not in recording:
+        return None
+    return np.asarray(motion.others[f"{joint}.position"] - motion.raw_position[:, index])
+
+
+def _of_links(along: Along, recording: Recording) -> Array:
+    """Torque that the links need along the motion by the joints' encoders, without rotors, shape (N, n)."""
+    motion, more = along.motion, np.zeros_like(along.motion.position)
+    for index in range(len(along.joints)):
+        apart = _difference(along, recording, index)
+        if apart is not None:
+            more[:, index] = apart - apart.mean()
+    moved = motion.moved(more) if more.any() else motion
+    rotors = [joint.actuator.reflected_inertia if joint.actuator else 0.0 for joint in along.joints]
+    torque = MotionDynamics(along.dynamics.model, moved).torque
+    return np.asarray(torque - np.array(rotors) * moved.acceleration)
+
+
+def _gap_of(along: Along, links: Array, recording: Recording, index: int) -> Gap | None:
     """The gap of one joint; None without both encoders."""
-    joint = along.joints[index].name
+    joint, motion = along.joints[index].name, along.motion
     channels = f"{joint}.position", f"{joint}.motor_position"
-    motion = along.motion
-    if channels[0] not in motion.others or channels[1] not in recording:
+    difference = _difference(along, recording, index)
+    if difference is None:
         return None
     noise = {**estimate_noise(recording), **recording.noise}
     own = np.hypot(noise.get(channels[0], 0.0), recording.resolution.get(channels[0], 0.0) / np.sqrt(12.0))
@@ -142,9 +165,9 @@ def _gap_of(along: Along, recording: Recording, index: int) -> Gap | None:
         along=along,
         index=index,
         joint=joint,
-        difference=motion.others[channels[0]] - motion.raw_position[:, index],
+        difference=difference,
         noise_floor=white * _noise_gain(along),
-        torques=_torques(along, index),
+        torques=_torques(along, links, index),
         steps=float(np.linalg.norm(steps)),
     )
 
@@ -180,20 +203,18 @@ def _noise_gain(along: Along) -> float:
     return float(np.linalg.norm(low_pass.smooth(impulse)))
 
 
-def _torques(along: Along, index: int) -> dict[str, Array]:
+def _torques(along: Along, links: Array, index: int) -> dict[str, Array]:
     """Torque through the gear, from each side.
 
     `link`: what the links need by inverse dynamics. It misses friction behind the gear and whatever the
     model of the links misses. `motor`: measured torque less what accelerates the rotor. It misses friction
     in front of the gear.
     """
-    motion = along.motion
-    actuator = along.joints[index].actuator
-    rotor = actuator.rotor_inertia * actuator.gear_ratio**2 if actuator else 0.0
-    accelerating = rotor * motion.acceleration[:, index]
-    torques = {"link": along.dynamics.torque[:, index] - accelerating}
+    motion, actuator = along.motion, along.joints[index].actuator
+    torques = {"link": links[:, index]}
     if np.isfinite(motion.torque[:, index]).all():
-        torques["motor"] = motion.torque[:, index] - accelerating
+        rotor = actuator.reflected_inertia if actuator else 0.0
+        torques["motor"] = motion.torque[:, index] - rotor * motion.acceleration[:, index]
     return torques
 
 
