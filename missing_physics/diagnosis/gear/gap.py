@@ -121,7 +121,7 @@ def gaps_of(
     found = []
     links = [_of_links(one, recording) for one, recording in zip(along, recordings)]
     for index in range(len(along[0].joints)):
-        gaps = [_gap_of(one, *each, index) for one, *each in zip(along, links, recordings)]
+        gaps = [_gap_of(*each, index) for each in zip(along, links, recordings)]
         present = tuple(gap for gap in gaps if gap is not None)
         if present and len(present) == len(along):
             found.append(_with_friction(present, fitted))
