@@ -170,7 +170,7 @@ def test_gaps_are_called_ambiguous_by_the_rule_of_torques(
     assert merged.diagnosis.verdict == verdict
 
 
-#: Noise of the torque wears down the state of friction inside a gear, which comes out too large by some percent.
+#: Noise of the torque wears down the state of friction in a gear, which comes out a few percent too large.
 WORN = 0.03
 SPRING = {"stiffness": 8e3, "damping": 8.0}
 #: Gravity, what is named and its numbers, what is hidden.
