@@ -37,7 +37,8 @@ def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
         return 0.0, WIDTH * GRAVITY * STANDARD_GRAVITY
     if term.effect.id == "encoder_eccentricity" and parameter.linear:
         return 0.0, WIDTH * ECCENTRICITY
-    if parameter.name == "damping" and "stiffness" in term.parameters:
+    # Behind the only encoder, damping also stands for a delay of the torque.
+    if parameter.name == "damping" and "stiffness" in term.parameters and term.along:
         return 0.0, WIDTH * SLOWEST_TWIST * term.parameters["stiffness"]
     return None
 
