@@ -53,7 +53,7 @@ class _Bending(Effect):
     id, title, place = "link_flexibility", "Link flexibility", "link"
     parameters = (
         Parameter(
-            "static_deflection", "s^2", "gap per acceleration", -1.0, 1.0, 1e-5, absent=0.0, linear=True
+            "static_deflection", "s^2", "gap per acceleration", 0.0, 1.0, 1e-5, absent=0.0, linear=True
         ),
     )
     equation = "gap = -static_deflection * acceleration"
