@@ -52,6 +52,5 @@ def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
         if block.fold not in data.folds:
             left = data.target(block.run)[block.rows] - data.nominal(block.run)[block.rows]
             before += np.sum(left**2, axis=0) / count
-    noise = np.mean([run.rows.noise**2 for run in data.runs], axis=0)
-    floor = noise + data.error**2
+    floor = data.noise**2 + data.error**2
     return np.asarray((after <= AT_NOISE**2 * floor) | (after - floor <= LITTLE * (before - floor)))

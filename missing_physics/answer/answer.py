@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from missing_physics.answer.augmented import augmented
 from missing_physics.answer.experiments import separating
-from missing_physics.answer.findings import Answer, answer_of, is_large, of_bodies
+from missing_physics.answer.findings import answer_of, is_large, of_bodies
 from missing_physics.answer.guard import guarded
 from missing_physics.answer.load import carried
 from missing_physics.answer.locate import BEYOND_NOISE, located
@@ -16,12 +17,22 @@ from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
 from missing_physics.evaluation import evaluate
 from missing_physics.hypotheses import TIMING
-from missing_physics.inference import Data, search, weighed
+from missing_physics.inference import search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Errors
-from missing_physics.results.result import ChannelFit, Diagnosis, Experiment, Fit, Result, Rung, Verdict
+from missing_physics.results.result import (
+    ChannelFit,
+    Diagnosis,
+    Experiment,
+    Finding,
+    Fit,
+    Result,
+    Rung,
+    Verdict,
+)
 from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
 from missing_physics.standard.bending import model_of
@@ -29,7 +40,7 @@ from missing_physics.standard.rows import common_band, rows_of, without_friction
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Recording, Robot, robot_to_toml, unit_of
 
-__all__ = ["answered"]
+__all__ = ["answered", "dismissed", "rung"]
 
 Said = Callable[[str], None]
 
@@ -60,7 +71,7 @@ def answered(
     band = common_band(robot, [*recordings, *validation]) if cutoff is None else cutoff
     windows = [] if validation else _windows(robot, recordings, band)
     standard = fit_standard(robot, recordings, cutoff=band, held_out=windows)
-    data = Data.of(standard, recordings, validation)
+    data = TorqueData.of(standard, recordings, validation)
     progress("weighing hypotheses")
     found = search(data, progress)
     data = found.data
@@ -103,7 +114,7 @@ def answered(
         fit=_fit(rows, robot),
         experiments=needed,
         unnamed=tuple(unnamed(data, answer.fit)),
-        could_not_tell=(*_dismissed(found, answer), _not_searched()),
+        could_not_tell=(*dismissed(found, answer.findings), _not_searched()),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),
         timing=answer.timing,
@@ -112,7 +123,7 @@ def answered(
         Result(
             diagnosis=diagnosis,
             series=series_of(data, rows, robot, made),
-            ladder=tuple(_rung(found, step) for step in found.steps),
+            ladder=tuple(rung(found, step) for step in found.steps),
             augmented_robot_toml=robot_to_toml(file),
             rows=rows,
             experiment_motions=motions,
@@ -141,8 +152,9 @@ def _fit(rows: Sequence[Rows], robot: Robot) -> Fit:
     return Fit(channels, 0.0, tuple(own.band for own in rows))
 
 
-def _dismissed(found: Search, answer: Answer) -> list[str]:
-    named = {(f.effect, f.location) for f in answer.findings}
+def dismissed(found: Search[Any], findings: Sequence[Finding]) -> list[str]:
+    """Sentences on effects that fit but are not credible."""
+    named = {(f.effect, f.location) for f in findings}
     return [
         f"Not named: {get_effect(effect).title} at {place} fits, but {why}."
         for (effect, place), why in found.dismissed.items()
@@ -156,7 +168,7 @@ def _not_searched() -> str:
     return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
 
 
-def _notes(data: Data, validated: bool) -> list[str]:
+def _notes(data: TorqueData, validated: bool) -> list[str]:
     band = data.runs[0].motion.cutoff
     notes = [f"Torques are compared below {band:.3g} Hz, five times the bandwidth of the motion."]
     if data.layout.scale.any():
@@ -169,7 +181,7 @@ def _notes(data: Data, validated: bool) -> list[str]:
     return notes
 
 
-def _rung(found: Search, step: Step) -> Rung:
+def rung(found: Search[Any], step: Step) -> Rung:
     """One hypothesis as the report lists it."""
     data, fit = found.data, step.fit
     seen = data.seen

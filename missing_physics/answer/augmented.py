@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from missing_physics.hypotheses import Term, UnknownForce
-from missing_physics.inference import Data, Fit
+from missing_physics.inference import Fit
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard.model import as_robot
 from missing_physics.standard.rows import without_friction
 from robot_model import EffectUse, Robot
@@ -18,7 +19,7 @@ DIGITS = 10
 NUMBERS = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
 
 
-def augmented(data: Data, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, float]]) -> Robot:
+def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, float]]) -> Robot:
     """The nominal robot with the parameters and effects of a fit.
 
     Args:
@@ -40,7 +41,7 @@ def augmented(data: Data, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, 
     return robot.model_copy(update={"effects": (*kept, *found)})
 
 
-def left_out_of_the_file(term: Term, data: Data) -> bool:
+def left_out_of_the_file(term: Term, data: TorqueData) -> bool:
     """Whether a term is unnamed, or acts in only one of several recordings.
 
     A robot file would apply it to all of them.

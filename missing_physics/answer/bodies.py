@@ -33,10 +33,10 @@ from scipy.stats import chi2
 
 from missing_physics.bodies.pseudo_inertia import COUNT, divergence
 from missing_physics.hypotheses import BODIES, Hypothesis
-from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.problem import Problem
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard.layout import length_of
 from reference_model.effects.base import BodyEffect, Effect
 from robot_model import Robot
@@ -81,7 +81,7 @@ def without_bodies(hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES})
 
 
-def loads(data: Data, fit: Fit, shares: Array) -> tuple[Load, ...]:
+def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
     """Explanations of the bodies that the recordings determine, most probable first.
 
     None where links bend, where nothing drives the robot, or where no body is estimated.
@@ -103,7 +103,7 @@ def loads(data: Data, fit: Fit, shares: Array) -> tuple[Load, ...]:
     }
     if not bodies:
         return ()
-    known = _Known.of(problem, beside, shares, tuple(bodies.values()))
+    known = _Known.of(data, problem, beside, shares, tuple(bodies.values()))
     links = [_Link.of(data, name, place) for name, place in bodies.items() if name != "base"]
     found: dict[tuple[str, tuple[str, ...]], list[tuple[float, Mapping[str, float], float]]] = {}
     starts: dict[str, Array] = {}
@@ -129,7 +129,7 @@ def loads(data: Data, fit: Fit, shares: Array) -> tuple[Load, ...]:
     return tuple(sorted(made, key=lambda one: -one.probability))
 
 
-def is_real(data: Data, fit: Fit, body: str) -> bool:
+def is_real(data: TorqueData, fit: Fit, body: str) -> bool:
     """Whether a body of a fit, which has all bodies estimated, is among 95 % of wrong ones.
 
     Half the square of ten relative changes, in units of `WRONG`, is what the divergence is to second order.
@@ -162,8 +162,10 @@ class _Known:
     slope: Array
 
     @classmethod
-    def of(cls, problem: Problem, fit: Fit, shares: Array, places: Sequence[slice]) -> _Known:
-        data, layout = problem.data, problem.layout
+    def of(
+        cls, data: TorqueData, problem: Problem, fit: Fit, shares: Array, places: Sequence[slice]
+    ) -> _Known:
+        layout = problem.layout
         driven = np.any([run.driven for run in data.runs], axis=0)
         weight = np.where(driven, shares / (fit.sigma**2 + data.error**2), 0.0)
         gram, right = problem.total.weighted(weight)
@@ -243,7 +245,7 @@ class _Link:
     points: tuple[Array, ...]
 
     @classmethod
-    def of(cls, data: Data, name: str, place: slice) -> _Link:
+    def of(cls, data: TorqueData, name: str, place: slice) -> _Link:
         robot: Robot = data.standard.nominal
         mass, moment = data.filed[place][0], data.filed[place][1:4]
         centre, length = moment / mass, length_of(robot, name)

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.answer.findings import keys_of
-from missing_physics.inference import Data, Fit, Posterior
+from missing_physics.inference import Fit, Posterior
 from missing_physics.inference.fit import contributions
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.result import Experiment, Finding
 from reference_model.effects.catalogue import get_effect
 from robot_model import Joint, Recording
@@ -54,7 +55,7 @@ MARGIN = 0.9
 
 
 def separating(
-    data: Data, known: Posterior, findings: Sequence[Finding], *, seed: int
+    data: TorqueData, known: Posterior, findings: Sequence[Finding], *, seed: int
 ) -> tuple[tuple[Experiment, ...], dict[str, str]]:
     """An experiment for each pair that cannot be told apart, and the motions as CSV text by file name.
 
@@ -99,7 +100,7 @@ class _Pair:
     fits: tuple[Fit, Fit] | None
 
 
-def _pairs(data: Data, known: Posterior, findings: Sequence[Finding]) -> Iterator[_Pair]:
+def _pairs(data: TorqueData, known: Posterior, findings: Sequence[Finding]) -> Iterator[_Pair]:
     seen: set[frozenset[tuple[str, str]]] = set()
     for finding in findings:
         own = finding.effect, finding.location
@@ -113,19 +114,19 @@ def _pairs(data: Data, known: Posterior, findings: Sequence[Finding]) -> Iterato
             yield _Pair(own[0], effect, None if one is None or two is None else (one, two))
 
 
-def _best(data: Data, known: Posterior, has: tuple[str, str], lacks: tuple[str, str]) -> Fit | None:
+def _best(data: TorqueData, known: Posterior, has: tuple[str, str], lacks: tuple[str, str]) -> Fit | None:
     """The most probable hypothesis that has one effect and lacks the other."""
     fits = (fit for fit in known.fits if has in keys_of(data, fit) and lacks not in keys_of(data, fit))
     return next(fits, None)
 
 
-def _rate(data: Data) -> float:
+def _rate(data: TorqueData) -> float:
     """Samples per second of a motion: enough for the filter of the positions."""
     motion = data.runs[0].motion
     return float(min(motion.sampling, 8.0 * motion.smoothing))
 
 
-def _limits(data: Data) -> Limits:
+def _limits(data: TorqueData) -> Limits:
     motions = [run.motion for run in data.runs[: data.fitted]]
     position = np.concatenate([motion.position for motion in motions])
     velocity = np.concatenate([motion.velocity for motion in motions])
@@ -137,10 +138,10 @@ class _Tried:
     """Motions, and the rows along them."""
 
     motions: tuple[MultiSines, ...]
-    rows: Data | None
+    rows: TorqueData | None
 
     @classmethod
-    def of(cls, data: Data, motions: Sequence[MultiSines]) -> _Tried:
+    def of(cls, data: TorqueData, motions: Sequence[MultiSines]) -> _Tried:
         if not motions:
             return cls((), None)
         time = np.arange(0.0, LENGTH, 1.0 / _rate(data))
@@ -150,15 +151,15 @@ class _Tried:
             channels = {f"{joint}.position": positions[:, k] for k, joint in enumerate(data.joints)}
             driven = {f"{joint}.torque": np.ones(time.size) for joint in data.joints}
             recordings.append(Recording(time, {**channels, **driven}, "a motion that was drawn"))
-        return cls(tuple(motions), Data.of(data.standard, recordings))
+        return cls(tuple(motions), TorqueData.of(data.standard, recordings))
 
-    def best(self, data: Data, one: Fit, rival: Fit) -> tuple[float, MultiSines]:
+    def best(self, data: TorqueData, one: Fit, rival: Fit) -> tuple[float, MultiSines]:
         """The motion with the most expected evidence for one fit against its rival, and that [nats]."""
         scores = [self._evidence(data, number, one, rival) for number in range(len(self.motions))]
         top = int(np.argmax(scores))
         return scores[top], self.motions[top]
 
-    def _evidence(self, data: Data, number: int, one: Fit, rival: Fit) -> float:
+    def _evidence(self, data: TorqueData, number: int, one: Fit, rival: Fit) -> float:
         assert self.rows is not None
         rows = self.rows
         predicted = contributions(rows, one, number)

@@ -14,8 +14,9 @@ from missing_physics.answer.adequacy import adequacies
 from missing_physics.answer.bodies import Load, is_on_body
 from missing_physics.bodies.pseudo_inertia import COUNT
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
-from missing_physics.inference import Data, Fit, Posterior, absent
+from missing_physics.inference import Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard.model import EFFECTS
@@ -23,7 +24,7 @@ from reference_model.effects.base import JointEffect, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint
 
-__all__ = ["STATED", "Answer", "answer_of", "is_large", "keys_of", "of_bodies"]
+__all__ = ["QUANTILE", "RIVAL", "STATED", "Answer", "answer_of", "is_large", "keys_of", "of_bodies"]
 
 Array = NDArray[np.float64]
 #: A finding, and the energy that it explains.
@@ -62,7 +63,7 @@ class Answer:
     named: dict[tuple[str, str], dict[str, float]]
 
 
-def answer_of(data: Data, known: Posterior, fit: Fit, bodies: Sequence[Weighty] = ()) -> Answer:
+def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Weighty] = ()) -> Answer:
     """The answer from the weighed hypotheses.
 
     Args:
@@ -100,7 +101,7 @@ def answer_of(data: Data, known: Posterior, fit: Fit, bodies: Sequence[Weighty] 
     return Answer(fit, tuple(found), changes, timing, named)
 
 
-def _chance(data: Data, known: Posterior, term: Term) -> float:
+def _chance(data: TorqueData, known: Posterior, term: Term) -> float:
     """Probability of an effect, of a higher rung of its family, or of a delay that is stated as it."""
     family = term.effect.family
     if family:
@@ -113,7 +114,7 @@ def _chance(data: Data, known: Posterior, term: Term) -> float:
     return known.probability(term.key) + late
 
 
-def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
+def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
     rivals = _rivals(data, known, fit, term)
     alternatives = tuple(
         Alternative(effect, at, p, "it predicts held-out data less well") for (effect, at), p in rivals
@@ -136,13 +137,13 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
     )
 
 
-def of_bodies(data: Data, fit: Fit, carried: Sequence[Load]) -> tuple[Weighty, ...]:
+def of_bodies(data: TorqueData, fit: Fit, carried: Sequence[Load]) -> tuple[Weighty, ...]:
     """Findings about the bodies of a fit, with the energy that they explain (`_removed`)."""
     top = next(load for load in carried if load.effect)
     return tuple(_of_body(data, fit, top, body, carried) for body in top.bodies)
 
 
-def _of_body(data: Data, fit: Fit, top: Load, body: str, carried: Sequence[Load]) -> Weighty:
+def _of_body(data: TorqueData, fit: Fit, top: Load, body: str, carried: Sequence[Load]) -> Weighty:
     """A load on a link, or wrong mass properties of it."""
     effect, key = get_effect(top.effect), (top.effect, body)
     term = next((t for t in fit.hypothesis.terms if t.key == key), None)
@@ -170,7 +171,7 @@ def _of_body(data: Data, fit: Fit, top: Load, body: str, carried: Sequence[Load]
     return finding, energy
 
 
-def _changed(data: Data, fit: Fit, body: str) -> tuple[dict[str, Estimate], float]:
+def _changed(data: TorqueData, fit: Fit, body: str) -> tuple[dict[str, Estimate], float]:
     """Differences of a body from the file, named as those of `inertia`, and the energy that they explain."""
     first = data.layout.names.index(f"{body}.mass")
     places = np.arange(first, first + COUNT)
@@ -189,7 +190,7 @@ def _energy(torques: Array, fit: Fit) -> float:
     return float(np.sum((torques / fit.sigma) ** 2))
 
 
-def _replacing(data: Data, fit: Fit, effect: str, joint: str) -> Iterator[str]:
+def _replacing(data: TorqueData, fit: Fit, effect: str, joint: str) -> Iterator[str]:
     """A sentence where an effect takes the place of a law of its family in the robot file."""
     for law in absent(data, fit.hypothesis):
         if law.at == joint and law.effect.family and law.effect.family == get_effect(effect).family:
@@ -204,7 +205,7 @@ def _simpler(term: Term, parameters: Mapping[str, Estimate]) -> Iterator[str]:
             yield simpler
 
 
-def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
+def _rivals(data: TorqueData, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
     """Terms of hypotheses without a given term that replace it, with their probabilities."""
     return _instead(
         data, known, fit, term.at, lambda other: term.key in {t.key for t in other.hypothesis.terms}
@@ -212,7 +213,7 @@ def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tu
 
 
 def _instead(
-    data: Data, known: Posterior, fit: Fit, at: str, has: Callable[[Fit], bool]
+    data: TorqueData, known: Posterior, fit: Fit, at: str, has: Callable[[Fit], bool]
 ) -> list[tuple[tuple[str, str], float]]:
     """Rivals: terms in hypotheses that lack something and explain it otherwise.
 
@@ -236,7 +237,7 @@ def _instead(
     return sorted(((key, p) for key, p in found.items() if p >= RIVAL), key=lambda item: -item[1])
 
 
-def _delays(data: Data, fit: Fit) -> Iterator[tuple[str, str]]:
+def _delays(data: TorqueData, fit: Fit) -> Iterator[tuple[str, str]]:
     """The effect as which a joint with a timing different from the others is stated."""
     for joint in data.joints:
         if _is_free(fit, f"{joint}.{TIMING}"):
@@ -248,25 +249,25 @@ def _label(key: tuple[str, str], place: str) -> str:
     return key[0] if key[1] == place else f"{key[0]}@{key[1]}"
 
 
-def _estimate(data: Data, fit: Fit, term: Term, p: Parameter, value: float) -> Estimate:
+def _estimate(data: TorqueData, fit: Fit, term: Term, p: Parameter, value: float) -> Estimate:
     half = QUANTILE * fit.deviation(f"{term.effect.id}@{term.at}.{p.name}")
     low, high = max(value - half, p.lower), min(value + half, p.upper)
     return Estimate(value, (low, high), _unit(data, term.at, p.unit))
 
 
-def _unit(data: Data, at: str, unit: str) -> str:
+def _unit(data: TorqueData, at: str, unit: str) -> str:
     joint = next((j for j in _axes(data) if j.name == at.split(".")[0]), None)
     if joint is None or joint.kind != "prismatic":
         return unit
     return unit.replace("N m", "N").replace("rad", "m")
 
 
-def _axes(data: Data) -> tuple[Drive | Joint, ...]:
+def _axes(data: TorqueData) -> tuple[Drive | Joint, ...]:
     """Drives, and joints moved through transmissions."""
     return (*data.standard.nominal.drives, *data.standard.nominal.joints)
 
 
-def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
+def _of_numbers(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Finding]:
     """Friction and offsets that the robot file lacks altogether."""
     for joint in data.joints:
         for kind, (effect, parameter, sign) in EFFECTS.items():
@@ -302,14 +303,14 @@ def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iter
                 yield other.id
 
 
-def _is_felt(data: Data, fit: Fit, name: str) -> bool:
+def _is_felt(data: TorqueData, fit: Fit, name: str) -> bool:
     """Whether the contribution of a standard model parameter exceeds the error of any model."""
     place = fit.layout.names.index(name)
     parts = [np.mean((design[:, :, place] * fit.numbers[place]) ** 2, axis=0) for design in data.designs]
     return bool(np.any(np.max(parts, axis=0) > data.error**2))
 
 
-def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
+def _of_delays(data: TorqueData, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
     """Delays of one joint's torque relative to the others, and large ones of the only torque."""
     counted = data.counts[data.seen].sum(axis=0) > 0.0
     names = [name for name, fitted in zip(data.joints, counted) if fitted]
@@ -344,12 +345,12 @@ def _is_free(fit: Fit, name: str) -> bool:
     return bool(fit.layout.free[place]) and name not in fit.hypothesis.filed
 
 
-def is_large(data: Data, fit: Fit) -> bool:
+def is_large(data: TorqueData, fit: Fit) -> bool:
     """Whether the common delay belongs to the only compared torque rather than to the recording."""
     return _chance_large(data, fit) > STATED
 
 
-def _chance_large(data: Data, fit: Fit) -> float:
+def _chance_large(data: TorqueData, fit: Fit) -> float:
     """Probability that the common delay belongs to the only compared torque.
 
     A delay shared by several torques is due to the recording.
@@ -361,7 +362,7 @@ def _chance_large(data: Data, fit: Fit) -> float:
     return float(norm.sf((limit - delay) / deviation) + norm.cdf((-limit - delay) / deviation))
 
 
-def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
+def _timing(data: TorqueData, fit: Fit) -> Iterator[Timing]:
     delay, half = fit.number(TIMING), QUANTILE * fit.deviation(TIMING)
     if half > 0.0:
         rate = data.runs[0].motion.sampling
@@ -370,7 +371,7 @@ def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
             yield Timing(run.rows.source, "torque", delay, interval, delay * rate, undone=True)
 
 
-def _changes(data: Data, fit: Fit) -> Iterator[ParameterChange]:
+def _changes(data: TorqueData, fit: Fit) -> Iterator[ParameterChange]:
     """Re-estimated parameters of the robot file that some recorded torque depends on."""
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")
@@ -404,7 +405,7 @@ def _changes(data: Data, fit: Fit) -> Iterator[ParameterChange]:
         )
 
 
-def _changes_of_laws(data: Data, fit: Fit, found: Sequence[Finding]) -> Iterator[ParameterChange]:
+def _changes_of_laws(data: TorqueData, fit: Fit, found: Sequence[Finding]) -> Iterator[ParameterChange]:
     """Parameters of the robot file's friction laws beyond its tolerance, and those of laws that are absent.
 
     A law that another one replaces is that finding.
@@ -424,7 +425,7 @@ def _changes_of_laws(data: Data, fit: Fit, found: Sequence[Finding]) -> Iterator
 
 
 def _change_of_law(
-    data: Data, term: Term, name: str, value: float, interval: tuple[float, float]
+    data: TorqueData, term: Term, name: str, value: float, interval: tuple[float, float]
 ) -> ParameterChange:
     nominal, unit = term.filed(name), _unit(data, term.at, term.effect.parameter(name).unit)
     wide = QUANTILE * FILE * abs(nominal)
@@ -432,7 +433,7 @@ def _change_of_law(
     return ParameterChange(f"{term.effect.id}@{term.at}.{name}", unit, nominal, value, interval, "", before)
 
 
-def _unit_of_number(data: Data, joint: str, kind: str) -> str:
+def _unit_of_number(data: TorqueData, joint: str, kind: str) -> str:
     if joint in data.joints:
         plain = {"viscous": "N m s/rad", "reflected_inertia": "kg m^2"}.get(kind, "N m")
         prismatic = next(j for j in _axes(data) if j.name == joint).kind == "prismatic"
@@ -443,7 +444,7 @@ def _unit_of_number(data: Data, joint: str, kind: str) -> str:
     return "kg m" if joint.endswith("first_moment") else "kg m^2"
 
 
-def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
+def _gain(data: TorqueData, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
     """Part of the held-out error that an effect removes, compared with the same hypothesis without it."""
     less, laws = _keys(fit) - {key}, {law.key for law in absent(data, fit.hypothesis) if law.at == key[1]}
     others = [f for f in known.fits if _keys(f) == less or (laws and _keys(f) == less | laws)]
@@ -454,7 +455,7 @@ def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float
     return float(1.0 - after / before) if before > 0.0 else 0.0
 
 
-def keys_of(data: Data, fit: Fit) -> set[tuple[str, str]]:
+def keys_of(data: TorqueData, fit: Fit) -> set[tuple[str, str]]:
     """Effects and places of a fit, delays that are stated as effects included."""
     return {*_keys(fit), *_delays(data, fit)}
 
@@ -463,7 +464,7 @@ def _keys(fit: Fit) -> set[tuple[str, str]]:
     return {term.key for term in fit.hypothesis.terms}
 
 
-def _removed(data: Data, fit: Fit, finding: Finding) -> float:
+def _removed(data: TorqueData, fit: Fit, finding: Finding) -> float:
     """Energy that a finding explains in the fitted recordings, in units of the residual."""
     terms = [t for t in fit.hypothesis.terms if t.key == (finding.effect, finding.location)]
     total = 0.0

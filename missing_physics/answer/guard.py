@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 from missing_physics.answer.augmented import left_out_of_the_file
 from missing_physics.hypotheses import BODIES, Hypothesis
-from missing_physics.inference import Data, Fit, fitted
+from missing_physics.inference import Fit, fitted
+from missing_physics.inference.torques.data import TorqueData
 from reference_model.effects.base import BodyEffect
 
 __all__ = ["Guarded", "guarded"]
@@ -34,7 +35,7 @@ class Guarded:
     file: Fit
 
 
-def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
+def guarded(data: TorqueData, fit: Fit, standard: Fit) -> Guarded:
     """The answer, replaced by the standard model at joints that this predicts better.
 
     Args:
@@ -58,7 +59,7 @@ def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
     return Guarded(_possible(data, hypothesis, fit), file)
 
 
-def _with_bodies_of(data: Data, hypothesis: Hypothesis, standard: Fit) -> Hypothesis:
+def _with_bodies_of(data: TorqueData, hypothesis: Hypothesis, standard: Fit) -> Hypothesis:
     """The hypothesis with the bodies of the standard model, which suit the joints that it predicts better."""
     layout = data.layout
     names = [
@@ -67,7 +68,7 @@ def _with_bodies_of(data: Data, hypothesis: Hypothesis, standard: Fit) -> Hypoth
     return hypothesis.holding({name: standard.number(name) for name in names})
 
 
-def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
+def _file(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
     """The hypothesis that a robot file can hold."""
     kept = tuple(term for term in hypothesis.terms if not left_out_of_the_file(term, data))
     if len(kept) == len(hypothesis.terms) and hypothesis is start.hypothesis:
@@ -75,7 +76,7 @@ def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
     return _possible(data, replace(hypothesis, terms=kept), start)
 
 
-def _possible(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
+def _possible(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
     """The fit, without effects whose estimates are impossible in this hypothesis."""
     made = fitted(data, hypothesis, start)
     while made.impossible:
@@ -86,7 +87,7 @@ def _possible(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
     return made
 
 
-def _worse(data: Data, made: Fit, standard: Fit) -> list[str]:
+def _worse(data: TorqueData, made: Fit, standard: Fit) -> list[str]:
     """Joints whose held-out error, with the error of any model, is larger than the standard model's."""
     unseen = ~data.seen
     floor = data.error**2 * data.counts[unseen].sum(axis=0)

@@ -14,6 +14,7 @@ from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
 from missing_physics.inference.ledger import Search
 from missing_physics.inference.score import block_scores
+from missing_physics.inference.torques.data import TorqueData
 from reference_model.effects.catalogue import get_effect
 
 __all__ = ["Carried", "carried"]
@@ -40,7 +41,7 @@ class Carried:
     safe: Guarded | None = None
 
 
-def carried(found: Search, best: Fit, safe: Fit) -> Carried | None:
+def carried(found: Search[TorqueData], best: Fit, safe: Fit) -> Carried | None:
     """The load or the wrong bodies, if more probable than a file that is off as a whole, and if real.
 
     Args:
@@ -71,7 +72,7 @@ def carried(found: Search, best: Fit, safe: Fit) -> Carried | None:
     return Carried(explained, fit, guard if guard.fit is fit else None)
 
 
-def _needed(found: Search, fit: Fit, load: Term) -> Fit:
+def _needed(found: Search[TorqueData], fit: Fit, load: Term) -> Fit:
     """The fit without effects that only made up for the load, whose removal does not lower the score."""
     while True:
         others = [t for t in fit.hypothesis.terms if t.key != load.key and (t.freed or not t.is_given)]

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 
 from missing_physics.evaluation import Evaluation
-from missing_physics.inference import Data
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.result import Dependence, Mismatch
 from missing_physics.results.samples import Rows
 from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of
 
-__all__ = ["BEYOND_NOISE", "located", "residual_of"]
+__all__ = ["BEYOND_NOISE", "located", "p_value_of", "residual_of"]
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def residual_of(made: Evaluation, rows: Rows) -> Array:
 
 
 def located(
-    data: Data, robot: Robot, made: Sequence[Evaluation], rows: Sequence[Rows]
+    data: TorqueData, robot: Robot, made: Sequence[Evaluation], rows: Sequence[Rows]
 ) -> tuple[Mismatch, ...]:
     """The difference of each channel, largest share of the energy beyond the noise first.
 
@@ -65,12 +65,12 @@ def located(
     for k in np.argsort(-shares):
         if not any(rows[i].counted[:, k].any() for i in fitted):
             continue
-        p_value = _p_value(np.concatenate([left[i][rows[i].counted[:, k], k] for i in fitted]), floor[k])
+        p_value = p_value_of(np.concatenate([left[i][rows[i].counted[:, k], k] for i in fitted]), floor[k])
         found.append(_described(data, robot, rows, [one[:, k] for one in left], int(k), shares[k], p_value))
     return tuple(found)
 
 
-def _p_value(residual: Array, floor: float) -> float:
+def p_value_of(residual: Array, floor: float) -> float:
     """Probability that noise of rms `floor`, known to within the tolerance, gives as large a residual."""
     if residual.size < FEWEST:
         return 1.0
@@ -86,7 +86,7 @@ def _p_value(residual: Array, floor: float) -> float:
 
 
 def _described(
-    data: Data,
+    data: TorqueData,
     robot: Robot,
     rows: Sequence[Rows],
     left: Sequence[Array],
@@ -111,7 +111,7 @@ def _described(
     return Mismatch(place, channel, float(share), p_value, windows, depends, lines, words)
 
 
-def _variables(data: Data, robot: Robot, k: int) -> dict[str, list[Array]]:
+def _variables(data: TorqueData, robot: Robot, k: int) -> dict[str, list[Array]]:
     """What the residual of a joint's torque may depend on, in each fitted recording; nothing for a base."""
     if k >= len(robot.drives):
         return {}

@@ -11,8 +11,8 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.checks.gyros import gyro_channels, gyro_noise
 from missing_physics.evaluation import Band, Evaluation
-from missing_physics.inference import Data
-from missing_physics.inference.runs import Run
+from missing_physics.inference.torques.data import TorqueData
+from missing_physics.inference.torques.runs import Run
 from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
 from missing_physics.standard import MODEL_ERROR
@@ -23,7 +23,7 @@ __all__ = ["compared_rows", "punctual", "series_of"]
 Array = NDArray[np.float64]
 
 
-def compared_rows(data: Data, robot: Robot, recordings: Sequence[Recording]) -> tuple[Rows, ...]:
+def compared_rows(data: TorqueData, robot: Robot, recordings: Sequence[Recording]) -> tuple[Rows, ...]:
     """Samples of every recording, the fitted ones first; joints without fitted samples are not compared.
 
     Torques of all joints, then gyros of a free base, which no hypothesis was fitted to.
@@ -79,7 +79,7 @@ def punctual(robot: Robot, recording: Recording, late: float) -> Recording:
 
 
 def series_of(
-    data: Data, rows: Sequence[Rows], robot: Robot, made: Sequence[Evaluation]
+    data: TorqueData, rows: Sequence[Rows], robot: Robot, made: Sequence[Evaluation]
 ) -> tuple[ChannelSeries, ...]:
     """Every compared channel of every recording; the models' predictions are added by the comparison.
 

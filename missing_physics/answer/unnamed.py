@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from missing_physics.hypotheses import Term, UnknownForce
-from missing_physics.inference import Data, Fit
+from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.result import Curve, Unnamed, in_words
 
 __all__ = ["unnamed"]
@@ -17,7 +18,7 @@ __all__ = ["unnamed"]
 QUANTILE = 1.96
 
 
-def unnamed(data: Data, fit: Fit) -> Iterator[Unnamed]:
+def unnamed(data: TorqueData, fit: Fit) -> Iterator[Unnamed]:
     """Forces of the answer that no effect of the catalogue explains, and that lower held-out errors."""
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
@@ -26,7 +27,9 @@ def unnamed(data: Data, fit: Fit) -> Iterator[Unnamed]:
                 yield _unnamed(data, fit, term, term.effect, left, share)
 
 
-def _unnamed(data: Data, fit: Fit, term: Term, effect: UnknownForce, left: float, share: float) -> Unnamed:
+def _unnamed(
+    data: TorqueData, fit: Fit, term: Term, effect: UnknownForce, left: float, share: float
+) -> Unnamed:
     joint = next(j for j in data.standard.nominal.drives if j.name == term.at)
     unit = "N" if joint.kind == "prismatic" else "N m"
     variable = f"{term.at}.{effect.variable}"
@@ -56,7 +59,7 @@ def _unnamed(data: Data, fit: Fit, term: Term, effect: UnknownForce, left: float
     )
 
 
-def _share(data: Data, fit: Fit, term: Term) -> tuple[float, float]:
+def _share(data: TorqueData, fit: Fit, term: Term) -> tuple[float, float]:
     """rms of the held-out error without the force [N m or N], and the part of its energy it removes."""
     without = fitted(data, fit.hypothesis.less(term), fit)
     k, unseen = data.joints.index(term.at), ~data.seen

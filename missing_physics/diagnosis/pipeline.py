@@ -72,7 +72,7 @@ def diagnose(
         require_no_contradiction(nominal, used, along, cutoff=chosen.cutoff)
     require_same_torques(nominal, used[:fitted], along[:fitted])
     covered = coverage(nominal, used, along, fitted=fitted, dead=ready.dead)
-    gap = _between_encoders(robot, ready, fitted, chosen, tell)
+    gap = _between_encoders(robot, ready, fitted, tell)
     whole = without_data(nominal, used[:fitted], used[fitted:], covered)
     if covered.enough:
         rigid = behind_gears(nominal, used, along, yielding(robot, gap))
@@ -118,14 +118,10 @@ def _weighed(
     return compared(replace(found, diagnosis=diagnosis), robot, punctual, fitted)
 
 
-def _between_encoders(
-    robot: Robot, ready: Prepared, fitted: int, options: Options, tell: Said
-) -> TransmissionResult | None:
+def _between_encoders(robot: Robot, ready: Prepared, fitted: int, tell: Said) -> TransmissionResult | None:
     """What lies between the two encoders of joints that have them; None where none has."""
     used = ready.recordings
     if not has_two_encoders(robot, used):
         return None
     along = [Along(robot, dynamics) for dynamics in ready.dynamics]
-    return diagnose_transmission(
-        robot, used[:fitted], used[fitted:], along=along, seed=options.seed, progress=tell
-    )
+    return diagnose_transmission(robot, used[:fitted], used[fitted:], along=along, progress=tell)

@@ -21,6 +21,9 @@ STANDARD_GRAVITY = 9.80665
 #: An encoder's error over a turn [rad or m]: discs are centred to some hundredths of a millimetre on radii of
 #: some centimetres.
 ECCENTRICITY = 1e-3
+#: Longest time over which the twist of a gear follows its torque, damping over stiffness [s]: that of a rotor
+#: which resonates on it at 10 Hz and is damped to a third of critical. Beyond it the gear would creep.
+SLOWEST_TWIST = 0.01
 #: A credible range is two standard deviations wide to either side.
 WIDTH = 0.5
 
@@ -34,6 +37,9 @@ def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
         return 0.0, WIDTH * GRAVITY * STANDARD_GRAVITY
     if term.effect.id == "encoder_eccentricity" and parameter.linear:
         return 0.0, WIDTH * ECCENTRICITY
+    # Behind the only encoder, damping also stands for a delay of the torque.
+    if parameter.name == "damping" and "stiffness" in term.parameters and term.along:
+        return 0.0, WIDTH * SLOWEST_TWIST * term.parameters["stiffness"]
     return None
 
 

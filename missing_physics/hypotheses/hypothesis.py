@@ -37,8 +37,8 @@ class Hypothesis:
     def key(self) -> tuple[object, ...]:
         """Equal for hypotheses that differ only in the values of their terms."""
         terms = sorted(
-            (*term.key, -1 if term.run is None else term.run, term.is_given, *sorted(term.freed))
-            for term in self.terms
+            (*t.key, -1 if t.run is None else t.run, t.along, t.is_given, *sorted(t.freed), *t.added)
+            for t in self.terms
         )
         return tuple(terms), tuple(sorted(self.held)), self.filed, self.accuracy
 

@@ -23,6 +23,9 @@ class Term:
         limits: bounds narrower than the catalogue's, set by a recording's extent: name, lower, upper.
         nominal: values in the robot file of a term that the file has; empty for any other.
         freed: those of its parameters that are estimated where the file has the term; the others are held.
+        along: which of several signals drives it, such as an estimate of a torque; empty where there is one.
+        further: odds against it beyond those of any effect, for values that were chosen from many [nats].
+        optional: numbers that the effect may lack; each is as improbable as another effect.
         in_rows: whether the file's term is in the rows already, so that only changes of its parameters, which
             are linear, contribute.
     """
@@ -35,6 +38,9 @@ class Term:
     nominal: tuple[float, ...] = ()
     freed: frozenset[str] = frozenset()
     in_rows: bool = False
+    along: str = ""
+    further: float = 0.0
+    optional: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -45,6 +51,9 @@ class Term:
         *,
         run: int | None = None,
         limits: Mapping[str, tuple[float, float]] | None = None,
+        along: str = "",
+        further: float = 0.0,
+        optional: frozenset[str] = frozenset(),
     ) -> Term:
         """A term with the catalogue's defaults for values not given, within its bounds and narrower ones."""
         given = {**effect.defaults(), **values}
@@ -53,7 +62,8 @@ class Term:
         for larger, smaller in effect.ordered:
             inside[larger] = max(inside[larger], inside[smaller])
         narrower = tuple((name, *pair) for name, pair in (limits or {}).items())
-        return cls(effect, at, tuple(inside[p.name] for p in effect.parameters), run, narrower)
+        own = tuple(inside[p.name] for p in effect.parameters)
+        return cls(effect, at, own, run, narrower, along=along, further=further, optional=optional)
 
     @classmethod
     def given(cls, effect: Effect, at: str, values: Mapping[str, float], *, in_rows: bool = False) -> Term:
@@ -104,6 +114,22 @@ class Term:
         """The robot file's value of a parameter of a term that the file has."""
         return dict(zip((p.name for p in self.effect.parameters), self.nominal))[name]
 
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Those of the optional numbers that it has."""
+        return tuple(p.name for p in self.free if p.name in self.optional)
+
+    def lacking(self, name: str) -> Term:
+        """The term without an optional number."""
+        absent = self.effect.parameter(name).absent
+        assert absent is not None
+        limits = (*(own for own in self.limits if own[0] != name), (name, absent, absent))
+        return replace(self, limits=limits).moved({name: absent})
+
+    def having(self, name: str) -> Term:
+        """The term with an optional number that it lacks."""
+        return replace(self, limits=tuple(own for own in self.limits if own[0] != name))
+
     def freeing(self, *names: str) -> Term:
         """A term of the robot file with further parameters estimated."""
         return replace(self, freed=self.freed | set(names))
@@ -117,7 +143,8 @@ class Term:
         """The term with other values of some parameters, within the catalogue's bounds."""
         limits = {name: (low, high) for name, low, high in self.limits}
         if not self.is_given:
-            return Term.of(self.effect, self.at, {**self.parameters, **values}, run=self.run, limits=limits)
+            moved = Term.of(self.effect, self.at, {**self.parameters, **values}, limits=limits)
+            return replace(self, values=moved.values)
         found = {**self.parameters, **values}
         for p in self.effect.parameters:
             inside = min(max(found[p.name], p.lower), p.upper)

@@ -2,8 +2,8 @@
 
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
-from missing_physics.inference.ledger import absent
+from missing_physics.inference.ledger import Search, absent
 from missing_physics.inference.posterior import Posterior, weighed
 from missing_physics.inference.search import search
 
-__all__ = ["Data", "Fit", "Posterior", "absent", "fitted", "search", "weighed"]
+__all__ = ["Data", "Fit", "Posterior", "Search", "absent", "fitted", "search", "weighed"]

@@ -1,48 +1,31 @@
-"""The rows of all recordings, cut into folds for cross-validation.
+"""Rows of recordings, cut into folds for cross-validation: all that fits and scores need to know of them.
 
-In addition to the columns of the standard model there are those of the timing: torque and position of one
-recording rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay
-of about a sample that all joints share is no physical effect. Each joint may have a further delay.
+Rows are of channels: torques of joints (`missing_physics.inference.torques`), or differences between two
+encoders of a joint (`missing_physics.diagnosis.gear`).
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
-from missing_physics.hypotheses import TIMING, Candidate, Term
-from missing_physics.inference.columns import KeptColumns, added_to_bodies
-from missing_physics.inference.runs import Run, about, runs_of
-from missing_physics.standard import MODEL_ERROR, StandardModel
-from missing_physics.standard.fit import design_of
+from missing_physics.hypotheses import Candidate, Hypothesis, Term
 from missing_physics.standard.layout import Layout
-from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.normal import Normal, Places, acting, total_of
-from missing_physics.standard.prediction import inertial_with_effects
-from missing_physics.standard.rows import FRICTION, is_friction
-from reference_model.effects.base import BodyEffect, JointEffect, YieldingGear
-from reference_model.effects.catalogue import used_effects
-from reference_model.evaluation.model import RobotModel
-from robot_model import Recording, Robot
+from robot_model import Robot
 
-__all__ = ["HELD_OUT", "Block", "Data", "held_out_windows"]
+__all__ = ["HELD_OUT", "Block", "Columns", "Data", "blocks_of", "held_out_windows"]
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-#: Standard deviations of the priors of delays: of all torques due to holds and buses [samples]; of single
-#: joints the same, plus that due to filters in their drives [s], whose cut-offs are some tens of Hz.
-OFFSET, FILTER = 1.0, 5e-3
-#: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
-SAME = 0.05
-#: Lower bound of torque scales [N m or N], which keeps parameter scales finite where a channel is zero.
-SMALLEST = 1e-12
 #: Fold of blocks that are never fitted.
 HELD_OUT = -1
 #: Stretches into which a recording is cut, each of them a fold, and blocks per stretch: long compared with
@@ -62,7 +45,7 @@ class Block:
         run: number of the recording.
         rows: which of its rows.
         fold: blocks of one fold are left out together; `HELD_OUT` for those that are never fitted.
-        count: rows that are compared at each joint, shape (n,).
+        count: rows that are compared in each channel, shape (n,).
     """
 
     run: int
@@ -71,171 +54,185 @@ class Block:
     count: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Data:
-    """The data to which hypotheses are fitted and by which they are judged.
+class Columns(Protocol):
+    """What terms contribute to the rows, and its derivatives."""
+
+    def prepare(self, terms: Sequence[Term], run: int) -> None:
+        """Compute the columns of several terms along one recording, which costs less than one at a time."""
+
+    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
+        """The channels in which a term acts, and its columns there, zero where nothing is compared.
+
+        Args:
+            term: the effect.
+            run: number of the recording.
+
+        Returns:
+            Shapes (a,) and (K, a, 1 + P): the contribution, then its derivatives by the estimated parameters.
+        """
+
+    def contributed(self, terms: Sequence[Term], run: int) -> Array:
+        """Sum of what terms contribute to one recording, zero where nothing is compared, shape (K, n)."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Data(ABC):
+    """The data to which hypotheses are fitted and by which they are judged: n channels, K rows a recording.
 
     Attributes:
-        standard: the standard model about which everything is linearised.
-        runs: recordings, the fitted ones first.
-        layout: parameters of the standard model, followed by the timing of each joint.
+        layout: parameters of the standard model.
         filed: values of these parameters in the robot file, shape (X,).
-        designs: derivatives of the recorded torques by these parameters, one array (K, n, X) for each run;
-            zero where nothing is compared.
-        blocks: of all runs.
-        torque: rms of the recorded torque at each joint, see `Rows.scale`, shape (n,).
-        given: effects of the robot file at joints that are no parameters of the standard model, and
-            what multiplies them; a law that contains Coulomb friction holds that of the standard model.
+        designs: derivatives of the rows by these parameters, one array (K, n, X) for each recording, the
+            fitted ones first; zero where nothing is compared.
+        blocks: of all recordings.
+        size: rms of what each channel recorded, shape (n,).
+        given: effects of the robot file that are no parameters of the standard model, and what multiplies
+            them; a law that contains Coulomb friction holds that of the standard model.
     """
 
-    standard: StandardModel
-    runs: tuple[Run, ...]
     layout: Layout
     filed: Array
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
-    torque: Array
-    given: tuple[Candidate, ...]
+    size: Array
+    given: tuple[Candidate, ...] = ()
     _normals: dict[int | None, Normal] = field(default_factory=dict, init=False, repr=False)
-    _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
-    @classmethod
-    def of(
-        cls, standard: StandardModel, recordings: Sequence[Recording], held_out: Sequence[Recording] = ()
-    ) -> Data:
-        """The rows of recordings in the band in which the standard model was fitted.
+    @property
+    @abstractmethod
+    def robot(self) -> Robot:
+        """The nominal robot."""
 
-        Where no recording is held out, a quarter of each one is (`held_out_windows`).
-        """
-        runs = runs_of(standard, (*recordings, *held_out))
-        fitted = len(recordings)
-        blocks: list[Block] = []
-        for i, run in enumerate(runs):
-            cuts = np.linspace(0, run.rows.time.size, STRETCHES * BLOCKS + 1).astype(int)
-            for b, (first, last) in enumerate(pairwise(cuts)):
-                fold = _fold(i, b // BLOCKS, fitted, bool(held_out))
-                counted = run.rows.counted[first:last].sum(axis=0).astype(float)
-                blocks.append(Block(i, slice(first, last), fold, counted))
-        squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
-        torque = np.sqrt(np.mean(squares, axis=0))
-        torque = np.maximum(torque, max(1e-9 * float(torque.max()), SMALLEST))
-        step = 1.0 / runs[0].motion.sampling
-        driven = np.any([run.driven for run in runs], axis=0)
-        layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
-        filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
-        given = tuple(_given(standard.nominal, dict(zip(layout.names, filed))))
-        return cls(standard, runs, layout, filed, _designs(runs), tuple(blocks), torque, given)
+    @property
+    @abstractmethod
+    def joints(self) -> tuple[str, ...]:
+        """Name of each channel's joint."""
 
-    def about(self, numbers: Array) -> Data:
-        """The same rows, linearised about other parameters of the standard model and shifted by their delays.
+    @property
+    @abstractmethod
+    def terms(self) -> Columns:
+        """Columns of terms along the recordings."""
+
+    @property
+    @abstractmethod
+    def error(self) -> Array:
+        """Error that no hypothesis explains, rms in each channel, shape (n,)."""
+
+    @property
+    @abstractmethod
+    def noise(self) -> Array:
+        """rms in each channel that sensors leave, shape (n,)."""
+
+    @property
+    @abstractmethod
+    def independent(self) -> float:
+        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
+
+    @property
+    @abstractmethod
+    def start(self) -> Array:
+        """Parameters of the standard model where fits begin, shape (X,)."""
+
+    @property
+    @abstractmethod
+    def sigma(self) -> Array:
+        """rms residual of each channel where fits begin, shape (n,)."""
+
+    @abstractmethod
+    def time(self, run: int) -> Array:
+        """Of the rows of one recording [s], shape (K,)."""
+
+    @abstractmethod
+    def counted(self, run: int) -> Mask:
+        """Which rows of one recording are compared, shape (K, n)."""
+
+    @abstractmethod
+    def target(self, run: int) -> Array:
+        """What the parameters predict in one recording, zero where nothing is compared, shape (K, n)."""
+
+    @abstractmethod
+    def nominal(self, run: int) -> Array:
+        """What the robot file predicts in one recording, zero where nothing is compared, shape (K, n)."""
+
+    @abstractmethod
+    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
+        """What may be added to a hypothesis.
 
         Args:
-            numbers: shape (X,).
+            hypothesis: it.
+            numbers: its parameters of the standard model, shape (X,).
+            left: its residual in each fitted recording, zero where nothing is fitted, shape (K, n) each.
         """
-        along, estimate = numbers.copy(), self.standard.estimate.values
-        for one in self.given:  # the friction that a law replaces, for the torque that the motion needs
-            for name, value in one.held:
-                place = self.layout.names.index(name)
-                along[place] = estimate[place] if numbers[place] == value else numbers[place]
-        runs = tuple(about(run, along) for run in self.runs)
-        return replace(self, runs=runs, designs=_designs(runs))
+
+    @property
+    def width(self) -> float:
+        """Relative width of the prior of bodies."""
+        return 1.0
+
+    @property
+    def timing(self) -> tuple[str, ...]:
+        """Name of the delay that all channels share, where there is such a parameter."""
+        return ()
+
+    @property
+    def delays(self) -> tuple[str, ...]:
+        """Names of the further delays of single channels."""
+        return ()
+
+    @property
+    def orders(self) -> Array:
+        """How many angular orders of a wave over position each channel tells apart, shape (n,).
+
+        One where candidates say it themselves (`Term.further`).
+        """
+        return np.ones_like(self.size)
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
         """Those of `given` that the rows do not have."""
-        return tuple(one for one in self.given if not one.term.in_rows)
+        return ()
 
     @property
     def about_numbers(self) -> Array:
         """Parameters of the standard model about which the rows are linearised, shape (X,)."""
-        given = self.runs[0].numbers
-        return np.concatenate([given, np.zeros(self.filed.size - given.size)])
+        return np.zeros_like(self.filed)
+
+    def about(self, numbers: Array) -> Self:
+        """The same rows, linearised about other parameters of the standard model, shape (X,)."""
+        return self
 
     def with_bodies(self, numbers: Array, terms: Sequence[Term]) -> Array:
         """Parameters of the standard model where bodies include what terms add to them, shape (X,)."""
-        found = numbers.copy()
-        for term in terms:
-            if isinstance(term.effect, BodyEffect):
-                places, added, _ = added_to_bodies(term, term.effect, self.runs[0].model)
-                found[places] += added
-        return found
+        return numbers
 
     def is_near(self, one: Array, other: Array) -> bool:
-        """Whether recordings linearised about the first parameters serve for the second, shape (X,) each.
+        """Whether rows linearised about the first parameters serve for the second, shape (X,) each."""
+        return True
 
-        Torques are shifted by delays. Links bend as the masses demand: nearly alike where what differs
-        changes the torques by less than the model's own error.
-        """
-        angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
-        if angle >= SAME:
-            return False
-        if not self.bends:
-            return True
-        count = len(self.runs[0].model.inertial_names) - 3
-        apart = [design[:, :, :count] @ (one - other)[:count] for design in self.designs]
-        change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
-        return bool(np.all(change < self.error))
-
-    @property
-    def bends(self) -> bool:
-        """Whether links bend, so that torques are not linear in the bodies."""
-        return self.runs[0].along.inner is not None
-
-    @property
-    def independent(self) -> float:
-        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-        run = self.runs[0]
-        return float(min(1.0, 2.0 * run.motion.cutoff * (run.rows.time[1] - run.rows.time[0])))
-
-    def late(self, numbers: Array) -> Array:
-        """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
-        first = self.filed.size - self.torque.size - 1
-        return np.asarray(numbers[first] + numbers[first + 1 :])
+    def cut(self, terms: Sequence[Term]) -> Array:
+        """Rows of each block and channel whose recorded value terms cut off, shape (B, n)."""
+        return np.zeros_like(self.counts)
 
     def columns(self, term: Term, run: int) -> Array:
-        """Columns of a term along one recording, see `columns_of`; zero where nothing is compared.
-
-        Those of the terms used last are cached; changes of linear parameters affect the first column only.
+        """Columns of a term along one recording, zero where nothing is compared, shape (K, n, 1 + P).
 
         Args:
             term: the effect.
             run: number of the recording.
         """
         acts, values = self.terms.acting(term, run)
-        found = np.zeros((*self.runs[run].torque.shape, 1 + len(term.free)))
+        found = np.zeros((*self.counted(run).shape, 1 + len(term.free)))
         found[:, acts] = values
         return found
 
     @cached_property
-    def terms(self) -> KeptColumns:
-        """Columns of terms along the recordings."""
-        return KeptColumns(self.runs)
-
-    def nominal(self, run: int) -> Array:
-        """Torques by the robot file in one recording, zero where nothing is compared, shape (K, n)."""
-        laws = [self.columns(one.term, run)[:, :, 0] for one in self.laws]
-        return np.asarray(sum(laws, self.designs[run] @ self.filed))
-
-    def target(self, run: int) -> Array:
-        """Torques predicted by the parameters, zero where nothing is compared, shape (K, n).
-
-        The recorded torques are already shifted by the delays about which the recording is linearised, so
-        the column of a delay contributes only its change.
-        """
-        if run not in self._targets:
-            own, first = self.runs[run], self.filed.size - self.torque.size
-            late = self.designs[run][:, :, first:] @ own.delays
-            self._targets[run] = np.where(own.rows.counted, own.torque + late, 0.0)
-        return self._targets[run]
-
-    @cached_property
     def acts(self) -> tuple[Places, ...]:
-        """Parameters on which the torque of each joint depends, shape (u,) each."""
+        """Parameters on which the rows of each channel depend, shape (u,) each."""
         return acting(self.designs)
 
     @cached_property
     def own(self) -> tuple[tuple[Array, ...], ...]:
-        """Of each run's design, the columns of these parameters at each joint, shape (K, u) each."""
+        """Of each run's design, the columns of these parameters in each channel, shape (K, u) each."""
         return tuple(
             tuple(np.ascontiguousarray(design[:, k, own]) for k, own in enumerate(self.acts))
             for design in self.designs
@@ -250,7 +247,7 @@ class Data:
                 parts = []
                 for run, rows in self.stretches(fold):
                     columns = [own[rows] for own in self.own[run]]
-                    count = self.runs[run].rows.counted[rows].sum(axis=0).astype(float)
+                    count = self.counted(run)[rows].sum(axis=0).astype(float)
                     target = self.target(run)[rows]
                     parts.append(Normal.of(self.acts, columns, target, count, self.filed.size))
                 self._normals[fold] = total_of(parts)
@@ -267,16 +264,6 @@ class Data:
             else:
                 found.append((block.run, block.rows))
         return found
-
-    @cached_property
-    def error(self) -> Array:
-        """Error of the model itself, which no hypothesis explains, rms at each joint, shape (n,)."""
-        return MODEL_ERROR * self.torque
-
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the moving joints."""
-        return tuple(self.runs[0].model.joints)
 
     @cached_property
     def fold(self) -> NDArray[np.int_]:
@@ -300,35 +287,32 @@ class Data:
 
     @cached_property
     def counts(self) -> Array:
-        """Rows compared in each block at each joint, shape (B, n)."""
+        """Rows compared in each block and channel, shape (B, n)."""
         return np.array([block.count for block in self.blocks])
 
     def rows_seen(self, run: int) -> NDArray[np.bool_]:
         """Which rows of a recording are fitted, shape (K,)."""
-        found = np.zeros(self.runs[run].rows.time.size, dtype=bool)
+        found = np.zeros(self.time(run).size, dtype=bool)
         for block in self.blocks:
             if block.run == run and block.fold != HELD_OUT:
                 found[block.rows] = True
         return found
 
-    @cached_property
-    def orders(self) -> Array:
-        """Angular orders of a wave over each joint's position that recordings tell apart, shape (n,).
 
-        They differ by a cycle over its travel, and the highest one makes the end of the band at the median
-        speed; at least one.
-        """
-        found = np.ones(self.torque.size)
-        for run in self.runs[: self.fitted]:
-            motion = run.motion
-            travel, speed = np.ptp(motion.position, axis=0), np.median(np.abs(motion.velocity), axis=0)
-            found = np.maximum(found, motion.cutoff * travel / np.maximum(speed, 1e-12))
-        return found
+def blocks_of(counted: Sequence[Mask], fitted: int) -> tuple[Block, ...]:
+    """Blocks of all recordings; a quarter of each fitted one is held out where no recording is.
 
-    @property
-    def start(self) -> Array:
-        """Parameters of the standard model as it was fitted, without delays, shape (X,)."""
-        return np.concatenate([self.standard.estimate.values, np.zeros(self.torque.size + 1)])
+    Args:
+        counted: which rows of each recording are compared, shape (K, n) each.
+        fitted: how many of them are fitted; the others are held out.
+    """
+    found: list[Block] = []
+    for i, own in enumerate(counted):
+        cuts = np.linspace(0, len(own), STRETCHES * BLOCKS + 1).astype(int)
+        for b, (first, last) in enumerate(pairwise(cuts)):
+            fold = _fold(i, b // BLOCKS, fitted, fitted < len(counted))
+            found.append(Block(i, slice(first, last), fold, own[first:last].sum(axis=0).astype(float)))
+    return tuple(found)
 
 
 def held_out_windows(time: Array) -> tuple[tuple[float, float], ...]:
@@ -349,82 +333,3 @@ def _fold(run: int, stretch: int, fitted: int, validated: bool) -> int:
     if run >= fitted or (not validated and stretch in OWN_HELD_OUT):
         return HELD_OUT
     return run if fitted >= MANY else run * STRETCHES + stretch
-
-
-def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
-    return tuple(
-        np.where(r.rows.counted[:, :, None], np.concatenate([design_of(r.rows), _late(r)], axis=2), 0.0)
-        for r in runs
-    )
-
-
-def _late(run: Run) -> Array:
-    """Derivatives of the torques by delays, the common one first: minus their rates, shape (K, n, 1 + n).
-
-    Dry friction is left out since it changes only where nothing is compared. Zero at undriven joints, whose
-    torque is known.
-    """
-    time, joints = run.motion.time, len(run.model.joints)
-    rate = -run.reduce(np.asarray(make_interp_spline(time, run.sliding, k=3)(time, 1))) * run.driven
-    found = np.zeros((len(rate), joints, 1 + joints))
-    found[:, :, 0] = rate
-    found[:, np.arange(joints), 1 + np.arange(joints)] = rate
-    return run.rows.vibration.removed(found)
-
-
-def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_], step: float) -> Layout:
-    size = len(base.names)
-    offsets = [base.names.index(f"{joint}.offset") for joint in joints]
-    slides = [bool(base.free[place] and moved) for place, moved in zip(offsets, driven)]
-    free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
-    width = np.array([OFFSET * step, *[np.hypot(OFFSET * step, FILTER)] * len(joints)])
-    return Layout(
-        names=(*base.names, TIMING, *(f"{joint}.{TIMING}" for joint in joints)),
-        start=np.concatenate([base.start, np.zeros(free.size)]),
-        free=np.concatenate([base.free, free]).astype(bool),
-        bodies=base.bodies,
-        own=np.concatenate([base.own, size + np.flatnonzero(free)]),
-        positive=base.positive,
-        size=np.concatenate([base.size, width]),
-        centre=np.concatenate([base.centre, np.zeros(free.size)]),
-        width=np.concatenate([base.width, width]),
-        beams=base.beams,
-        scale=np.concatenate([base.scale, np.zeros(width.size)]),
-    )
-
-
-def _given(robot: Robot, filed: Mapping[str, float]) -> Iterator[Candidate]:
-    """Effects of the robot file at joints of which the standard model has no parameters.
-
-    Friction laws, their modifiers and gears behind the only encoder, and what the rows have already (springs,
-    ripple), of which the linear parameters may be off.
-
-    Args:
-        robot: nominal.
-        filed: parameters of the standard model by the robot file.
-    """
-    numbers = {effect for effect, _, _ in EFFECTS.values()}
-    joints = {drive.name for drive in robot.drives}
-    counts = Counter((used.effect.id, used.at) for used in used_effects(robot))
-    for used in used_effects(robot):
-        if used.effect.id in numbers or used.at not in joints:
-            continue
-        if is_friction(used.effect):
-            level = f"{used.at}.coulomb"
-            held = ((level, float(filed[level])),) if used.effect.family else ()
-            yield Candidate(Term.given(used.effect, used.at, used.parameters), held)
-        elif isinstance(used.effect, YieldingGear):
-            yield Candidate(Term.given(used.effect, used.at, used.parameters))
-        elif isinstance(used.effect, JointEffect) and counts[used.effect.id, used.at] == 1:
-            yield Candidate(Term.given(used.effect, used.at, used.parameters, in_rows=True))
-
-
-def _filed(robot: Robot, model: RobotModel) -> Array:
-    """Parameters of the standard model by the robot file, shape (X,)."""
-    known = {effect: (kind, sign) for kind, (effect, _, sign) in EFFECTS.items()}
-    friction = dict.fromkeys((f"{joint}.{kind}" for joint in model.joints for kind in FRICTION), 0.0)
-    for used in used_effects(robot):
-        name, sign = known.get(used.effect.id, ("", 0.0))
-        if f"{used.at}.{name}" in friction:
-            friction[f"{used.at}.{name}"] += sign * next(iter(used.parameters.values()))
-    return np.concatenate([inertial_with_effects(model), list(friction.values())])

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, not_credible
-from missing_physics.inference.columns import cut
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.problem import Problem
 from missing_physics.standard.fit import FILE, minimise, objective, residual_rms
@@ -97,7 +96,7 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None, place: 
     """
     terms = hypothesis.terms
     numbers = data.start if start is None else start.numbers
-    sigma = data.standard.estimate.sigma if start is None else start.sigma
+    sigma = data.sigma if start is None else start.sigma
     moving = [place is None or term.joint == place for term in terms]
     linear = all(p.linear for term, own in zip(terms, moving) if own for p in term.free)
     partial = not all(p.linear for term, own in zip(terms, moving) if not own for p in term.free)
@@ -143,13 +142,13 @@ def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
 
 def _width(data: Data, hypothesis: Hypothesis) -> float:
     """Relative width of the bodies' prior."""
-    own = data.standard.estimate.width
+    own = data.width
     return min(own, hypothesis.accuracy or FILE) if BODIES in hypothesis.filed else own
 
 
 def _energy(data: Data, terms: Sequence[Term], numbers: Array) -> Array:
     """Squared residual of each joint in the fitted rows, shape (n,)."""
-    left = [data.target(run) - data.terms.torques(terms, run) for run in range(data.fitted)]
+    left = [data.target(run) - data.terms.contributed(terms, run) for run in range(data.fitted)]
     for run, own in enumerate(left):
         for k, (acts, columns) in enumerate(zip(data.acts, data.own[run])):
             own[:, k] -= columns @ numbers[acts]
@@ -228,7 +227,7 @@ def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, en
     errors = problem.errors(apart)
     deviations = _deviation(problem, x, hessian, sigma)
     moved = replace(hypothesis, terms=_moved(hypothesis.terms, x[data.start.size :]))
-    gone = _cut(data, moved.terms)
+    gone = data.cut(moved.terms)
     return Fit(
         moved,
         x[: data.start.size],
@@ -260,7 +259,7 @@ def _impossible(
             k = data.joints.index(joint)
             made = (own[k] @ numbers[data.acts[k]] for own in data.own)
             needed = max(float(np.abs(one).max()) for one in made)
-        why = not_credible(term, data.standard.nominal, needed)
+        why = not_credible(term, data.robot, needed)
         if not why and isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
             k = data.joints.index(term.at)
             share = float(gone[:, k].sum() / max(data.counts[:, k].sum(), 1.0))
@@ -268,16 +267,6 @@ def _impossible(
                 why = f"the drive would be at its limit {share:.0%} of the time, and follow no command"
         if why:
             yield term.key, why
-
-
-def _cut(data: Data, terms: Sequence[Term]) -> Array:
-    """Rows of each block and joint in which terms cut the recorded torque, shape (B, n)."""
-    found = np.zeros_like(data.counts)
-    for term in terms:
-        if isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
-            rows = [np.where(run.rows.counted, cut(term, run, i), 0.0) for i, run in enumerate(data.runs)]
-            found += [rows[block.run][block.rows].sum(axis=0) for block in data.blocks]
-    return found
 
 
 def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Array:
@@ -335,6 +324,4 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
 
 def residuals(data: Data, fit: Fit, number: int) -> Array:
     """Residual of a fit in one recording, zero where nothing is compared, shape (K, n)."""
-    return np.where(
-        data.runs[number].rows.counted, data.target(number) - contributions(data, fit, number), 0.0
-    )
+    return np.where(data.counted(number), data.target(number) - contributions(data, fit, number), 0.0)

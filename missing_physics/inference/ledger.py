@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.score import block_scores
 
-__all__ = ["ODDS", "Search", "Step", "absent", "filable", "prior"]
+__all__ = ["ODDS", "D", "Search", "Step", "absent", "filable", "prior"]
 
 Array = NDArray[np.float64]
+D = TypeVar("D", bound=Data)
 
 #: Prior odds against one more effect at one place, and against a parameter that differs from the robot file
 #: [nats]: one in fifty, as there are some dozens of each.
@@ -55,7 +56,7 @@ class Step:
 
 
 @dataclass
-class Search:
+class Search(Generic[D]):
     """The fits made so far.
 
     Attributes:
@@ -70,7 +71,7 @@ class Search:
             that were used.
     """
 
-    data: Data
+    data: D
     standard: Fit
     made: dict[tuple[object, ...], Fit]
     shares: Array
@@ -81,9 +82,9 @@ class Search:
         default_factory=dict, repr=False
     )
     _scores: dict[int, tuple[Fit, Array, float]] = field(default_factory=dict, repr=False)
-    _others: list[Data] = field(default_factory=list, repr=False)
+    _others: list[D] = field(default_factory=list, repr=False)
 
-    def about(self, fit: Fit) -> Data:
+    def about(self, fit: Fit) -> D:
         """The recordings with torques shifted by the delays of a fit, and links bent as its masses demand."""
         numbers = self.data.with_bodies(fit.numbers, fit.hypothesis.terms)
         for data in (self.data, *self._others):
@@ -164,10 +165,10 @@ def prior(data: Data, fit: Fit) -> float:
     added = [term for term in hypothesis.terms if not term.is_given]
     orders = dict(zip(data.joints, data.orders))
     waves = sum(float(np.log(orders.get(term.joint, 1.0))) for term in added if term.effect.is_wave)
-    effects = sum(
-        ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
-        for term in added
-    )
+    effects = 0.0
+    for term in added:
+        effects += ODDS * (1 + len(term.added)) + term.further
+        effects += EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
     for term in added:

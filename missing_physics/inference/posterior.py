@@ -7,6 +7,7 @@ Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)), so that evidence from a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,7 @@ def _holds(fit: Fit, at: str, family: str, rung: int) -> bool:
     return any(t.at == at and t.effect.family == family and t.effect.rung >= rung for t in added)
 
 
-def weighed(found: Search) -> Posterior:
+def weighed(found: Search[Any]) -> Posterior:
     """Weigh everything that was fitted."""
     fits = found.fits
     scores = np.array([block_scores(found.data, fit, found.shares) for fit in fits])

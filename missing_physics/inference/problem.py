@@ -89,7 +89,7 @@ class Problem:
     def errors(self, apart: Mapping[int, Array]) -> Array:
         """Squared error of each block and joint, by the parameters of its fold, shape (B, n)."""
         found = np.empty_like(self.data.counts)
-        held = range(self.data.fitted, len(self.data.runs))
+        held = range(self.data.fitted, len(self.data.designs))
         rows = {**self.rows, **rows_of(self.data, self.terms, held)}
         for fold, run, numbers in _neighbours(self.data):
             x, cuts = apart[fold], _cuts(self.data, numbers)
@@ -182,10 +182,10 @@ def _felt(total: Normal, data: Data) -> Array:
     """Ratio of the rms of every added column to that of the torque, at the joint where it is largest."""
     first = data.start.size
     found = np.zeros(total.size - first)
-    rows, torque = np.maximum(total.count, 1.0), np.maximum(data.torque, 1e-300)
+    rows, size = np.maximum(total.count, 1.0), np.maximum(data.size, 1e-300)
     for k, (own, gram) in enumerate(zip(total.acts, total.gram)):
         added = own >= first
-        ratio = np.sqrt(np.diagonal(gram)[added] / rows[k]) / torque[k]
+        ratio = np.sqrt(np.diagonal(gram)[added] / rows[k]) / size[k]
         found[own[added] - first] = np.maximum(found[own[added] - first], ratio)
     return found
 

@@ -45,7 +45,7 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
         level = np.maximum((weight * samples * square).sum(axis=0) / total, 1e-300)
     apart = np.log1p(samples * square / (SCATTER * level))
     each = -0.5 * samples * np.log(level) - 0.5 * (SCATTER + samples) * apart
-    wide = np.maximum(data.torque**2 / level, 1.0)
+    wide = np.maximum(data.size**2 / level, 1.0)
     each -= 0.5 * shares * fit.cut * (np.log(wide) + 1.0)
     return np.asarray(np.where(samples > 0.0, each, 0.0).sum(axis=1))
 
@@ -53,7 +53,7 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
 def independent_shares(data: Data, fit: Fit) -> Array:
     """Ratio of independent samples to samples in the residual of each joint, shape (n,)."""
     joints = fit.sigma.size
-    longest = max(len(run.rows.time) for run in data.runs[: data.fitted])
+    longest = max(data.time(i).size for i in range(data.fitted))
     lags = np.zeros((longest // 2, joints))
     for i in range(data.fitted):
         left = residuals(data, fit, i)

@@ -1,7 +1,4 @@
-"""Predicted gain of every candidate by one linear step: all of them in one pass over the residual.
-
-And the joints as candidates see them: the range that recordings cover there and the residual of a fit.
-"""
+"""Predicted gain of every candidate by one linear step: all of them in one pass over the residual."""
 
 from __future__ import annotations
 
@@ -11,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import Candidate, Place, Sight, extent_of
-from missing_physics.inference.coupled import sights_behind
+from missing_physics.hypotheses import Candidate
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.fit import Fit, residuals
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.problem import rows_of
 
-__all__ = ["Look", "Screen", "places"]
+__all__ = ["Look", "Screen"]
 
 Array = NDArray[np.float64]
 
@@ -63,7 +59,7 @@ class Screen:
         self.count = np.sum([b.count for b in data.blocks if b.fold != HELD_OUT], axis=0)
 
     def best(self, options: Sequence[Candidate]) -> list[Look]:
-        """The best start of every effect at every place, most promising first.
+        """The best start of every effect at every place, along every signal, most promising first.
 
         Parameters of a law in the robot file that are estimated pay their prior odds, but for one.
         """
@@ -73,7 +69,7 @@ class Screen:
                 for i in range(self.data.fitted):
                     self.data.terms.prepare([each.term for each in options[number : number + TOGETHER]], i)
             gain = self.gain(option) - ODDS * max(option.numbers - 1, 0)
-            key = (option.term.key, option.term.run)
+            key = (option.term.key, option.term.run, option.term.along)
             if key not in found or gain > found[key].gain:
                 found[key] = Look(option, gain)
         return sorted(found.values(), key=lambda look: -look.gain)
@@ -165,40 +161,3 @@ def _columns(
         for i, fitted in enumerate(seen)
     ]
     return acts, columns
-
-
-def places(data: Data, fit: Fit) -> dict[str, Place]:
-    """Joints whose torque is compared, as candidates see them."""
-    robot, found = data.standard.nominal, {}
-    driven = {drive.name for drive in robot.drives if drive.actuator is not None}
-    seen = [data.rows_seen(i) for i in range(data.fitted)]
-    left = [np.where(rows[:, None], residuals(data, fit, i), 0.0) for i, rows in enumerate(seen)]
-    for k, joint in enumerate(robot.drives):
-        if not any(data.runs[i].rows.counted[rows, k].any() for i, rows in enumerate(seen)):
-            continue
-        sights = []
-        for i, run in enumerate(data.runs[: data.fitted]):
-            kept = run.motion.kept
-            sights.append(
-                Sight(
-                    time=run.rows.time,
-                    position=run.motion.position[kept][:, k],
-                    velocity=run.motion.velocity[kept][:, k],
-                    torque=run.needed[kept][:, k],
-                    residual=left[i][:, k],
-                    step=1.0 / run.motion.sampling,
-                    cutoff=run.motion.cutoff,
-                    gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
-                )
-            )
-        extents = tuple(extent_of(sight) for sight in sights)
-        coulomb = fit.number(f"{joint.name}.coulomb")
-        moved = any(run.driven[k] for run in data.runs)
-        found[joint.name] = Place(extents, coulomb, moved and (not driven or joint.name in driven))
-    behind: dict[str, list[Sight]] = {}
-    for i, run in enumerate(data.runs[: data.fitted]):
-        for name, sight in sights_behind(run, left[i]):
-            behind.setdefault(name, []).append(sight)
-    for name, own in behind.items():
-        found[name] = Place(tuple(extent_of(sight) for sight in own), 0.0, driven=False, coupled=True)
-    return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +21,12 @@ from missing_physics.hypotheses import (
     Hypothesis,
     Term,
     UnknownForce,
-    candidates,
 )
 from missing_physics.inference.data import Data
-from missing_physics.inference.fit import Fit, fitted, refiled
-from missing_physics.inference.ledger import ODDS, Search, Step, filable
+from missing_physics.inference.fit import Fit, fitted, refiled, residuals
+from missing_physics.inference.ledger import ODDS, D, Search, Step, filable
 from missing_physics.inference.score import independent_shares
-from missing_physics.inference.screening import Look, Screen, places
+from missing_physics.inference.screening import Look, Screen
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 from reference_model.effects.base import JointEffect
 
@@ -48,7 +48,7 @@ Said = Callable[[str], None]
 Number = str | tuple[Term, str]
 
 
-def search(data: Data, progress: Said | None = None) -> Search:
+def search(data: D, progress: Said | None = None) -> Search[D]:
     """Search for the effects that the recordings show beyond the robot file."""
     state = _begun(data)
     best = _grown_up(state, list(state.made.values()), progress)
@@ -64,7 +64,7 @@ def search(data: Data, progress: Said | None = None) -> Search:
     return replace(state, data=data, shares=independent_shares(data, best))
 
 
-def _completed(state: Search) -> Fit:
+def _completed(state: Search[Any]) -> Fit:
     """The best fit, once it and those within reach of it have all parameters estimated together."""
     while True:
         best = state.score(state.best)
@@ -75,13 +75,13 @@ def _completed(state: Search) -> Fit:
             state.settled(fit)
 
 
-def _begun(data: Data) -> Search:
+def _begun(data: D) -> Search[D]:
     """The standard model, and the standard model with parameters of the robot file where these serve.
 
     With friction laws in the file, both also with these laws. The common delay of all torques is estimated
     first, then the further delays of single joints.
     """
-    state = _taken_about(data, Hypothesis().filing(*(f"{joint}.{TIMING}" for joint in data.joints)))
+    state = _taken_about(data, Hypothesis().filing(*data.delays))
     if not _is_possible(data, state.standard):
         state = _taken_about(data, _without_delays(data, Hypothesis()))
     first = state.standard
@@ -105,7 +105,7 @@ def _with_laws(data: Data) -> Hypothesis:
     return found
 
 
-def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
+def _taken_about(data: D, hypothesis: Hypothesis) -> Search[D]:
     """The search state with recordings linearised about one hypothesis, whose fit is the standard."""
     first = fitted(data, hypothesis)
     about = data.about(first.numbers)
@@ -115,12 +115,14 @@ def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
     return state
 
 
-def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None, place: str | None = None) -> Fit:
+def _fitted(state: Search[Any], hypothesis: Hypothesis, start: Fit | None, place: str | None = None) -> Fit:
     """Fit a hypothesis to the recordings linearised about the start, from which it differs at one place."""
     return fitted(state.data if start is None else state.about(start), hypothesis, start, place)
 
 
-def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None, place: str | None = None) -> Fit:
+def _timed(
+    state: Search[Any], hypothesis: Hypothesis, start: Fit | None = None, place: str | None = None
+) -> Fit:
     """The fit, or one without delays where the estimated delays are impossible."""
     fit = _fitted(state, hypothesis, start, place)
     if _is_possible(state.data, fit):
@@ -130,16 +132,18 @@ def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None, plac
 
 def _is_possible(data: Data, fit: Fit) -> bool:
     """Whether the delays of a fit are possible for a recording."""
-    common = fit.number(TIMING)
-    own = [common + fit.number(f"{joint}.{TIMING}") for joint in data.joints]
+    if not data.delays:
+        return True
+    common = sum(map(fit.number, data.timing))
+    own = [common + fit.number(name) for name in data.delays]
     return min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
 
 
 def _without_delays(data: Data, hypothesis: Hypothesis) -> Hypothesis:
-    return hypothesis.filing(TIMING, *(f"{joint}.{TIMING}" for joint in data.joints))
+    return hypothesis.filing(*data.timing, *data.delays)
 
 
-def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> Fit:
+def _grown_up(state: Search[Any], carried: Sequence[Fit], progress: Said | None) -> Fit:
     """The best fit obtained from some fits by adding effects one at a time."""
     for _ in range(MOST):
         before = max(map(state.score, carried))
@@ -152,7 +156,7 @@ def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> F
     return max(carried, key=state.score)
 
 
-def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
+def _grown(state: Search[Any], old: Fit, progress: Said | None) -> list[Fit]:
     """New credible fits with one more effect, and then one with the best effect of every place."""
     new: list[Fit] = []
     best: dict[str, tuple[float, Candidate]] = {}
@@ -184,7 +188,8 @@ def _here(candidate: Candidate, old: Fit) -> tuple[object, ...]:
     """A candidate and what the fit to which it is added has at its place, since joints hardly interact."""
     term = candidate.term
     beside = (own for own in old.hypothesis.terms if own.joint == term.joint)
-    return (*term.key, term.run, *sorted((*own.key, *sorted(own.freed)) for own in beside))
+    there = sorted((*own.key, own.along, *sorted(own.freed), *own.added) for own in beside)
+    return (*term.key, term.run, term.along, *term.added, *there)
 
 
 def _promising(looks: Sequence[Look]) -> list[Look]:
@@ -192,15 +197,31 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
     places = {look.candidate.term.joint for look in looks}
     most, counts = max(PER_PLACE, FITTED // max(len(places), 1)), dict.fromkeys(places, 0)
     chosen = []
-    for look in looks:
+    for look in _leading(looks):
         place = look.candidate.term.joint
         if look.gain >= PROMISE * ODDS and counts[place] < most:
             counts[place] += 1
-            chosen.append(look)
+            chosen += [other for other in looks if _is_same(other, look) and other.gain >= PROMISE * ODDS]
     return chosen
 
 
-def _looks(state: Search, old: Fit, instead: Term | None = None, *, named: bool = True) -> Sequence[Look]:
+def _is_same(one: Look, other: Look) -> bool:
+    """Whether two candidates are one effect, along whatever signal."""
+    own, theirs = one.candidate.term, other.candidate.term
+    return (own.key, own.run) == (theirs.key, theirs.run)
+
+
+def _leading(looks: Sequence[Look]) -> list[Look]:
+    """Of every effect at every place, the most promising of the signals that may drive it."""
+    best: dict[tuple[object, ...], Look] = {}
+    for look in looks:
+        best.setdefault((look.candidate.term.key, look.candidate.term.run), look)
+    return list(best.values())
+
+
+def _looks(
+    state: Search[Any], old: Fit, instead: Term | None = None, *, named: bool = True
+) -> Sequence[Look]:
     """Candidates that may be added to a fit, most promising first; weighed once.
 
     Args:
@@ -217,11 +238,10 @@ def _looks(state: Search, old: Fit, instead: Term | None = None, *, named: bool 
     return known
 
 
-def _weighed(state: Search, old: Fit, wanted: Callable[[Candidate], bool]) -> list[Look]:
+def _weighed(state: Search[Any], old: Fit, wanted: Callable[[Candidate], bool]) -> list[Look]:
     data = state.about(old)
-    channels = frozenset.intersection(*(run.channels for run in data.runs))
-    seen = places(data, old)
-    options = candidates(data.standard.nominal, old.hypothesis, seen, channels, data.given)
+    left = [np.where(data.rows_seen(i)[:, None], residuals(data, old, i), 0.0) for i in range(data.fitted)]
+    options = data.candidates(old.hypothesis, old.numbers, left)
     return Screen(data, old, state.shares).best([one for one in options if wanted(one)])
 
 
@@ -229,7 +249,7 @@ def _is_named(candidate: Candidate) -> bool:
     return not isinstance(candidate.term.effect, UnknownForce)
 
 
-def _is_rival(state: Search, candidate: Candidate, term: Term | None) -> bool:
+def _is_rival(state: Search[Any], candidate: Candidate, term: Term | None) -> bool:
     """Whether a candidate may explain what a term does; torques of one joint do not show in another."""
     if term is None:
         return True
@@ -237,13 +257,18 @@ def _is_rival(state: Search, candidate: Candidate, term: Term | None) -> bool:
     return candidate.term.at == term.at or not is_local
 
 
-def _is_local(state: Search, term: Term) -> bool:
+def _may_be_late(state: Search[Any], delay: str, term: Term) -> bool:
+    """Whether a delay may explain what a term does: that of its own joint, if it acts on no other."""
+    return delay.split(".")[0] == term.joint or not _is_local(state, term)
+
+
+def _is_local(state: Search[Any], term: Term) -> bool:
     """Whether a term acts on the torque of its own joint only."""
     return isinstance(term.effect, JointEffect) and term.at in state.data.joints
 
 
 def _tried(
-    state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit, *, everywhere: bool = False
+    state: Search[Any], candidate: Candidate, hypothesis: Hypothesis, old: Fit, *, everywhere: bool = False
 ) -> Fit | None:
     """The fit, where it has numbers that can be; it differs at the candidate's place only, or everywhere."""
     data = state.data
@@ -269,10 +294,11 @@ def _is_felt(data: Data, fit: Fit, old: Fit) -> bool:
     return bool(np.any(removed > data.error**2))
 
 
-def _pruned(state: Search, best: Fit) -> Fit:
+def _pruned(state: Search[Any], best: Fit) -> Fit:
     """The fit without effects whose removal does not lower the score."""
     while best.hypothesis.terms:
         fewer = [_without(state, best, term) for term in best.hypothesis.terms]
+        fewer += [_lacking(state, best, term, name) for term in best.hypothesis.terms for name in term.added]
         top = max(fewer, key=state.score)
         if state.score(top) <= state.score(best):
             break
@@ -280,10 +306,19 @@ def _pruned(state: Search, best: Fit) -> Fit:
     return best
 
 
-def _without(state: Search, best: Fit, term: Term) -> Fit:
+def _without(state: Search[Any], best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
     if hypothesis.key not in state.made:
         state.settled(state.keep(_fitted(state, hypothesis, best, term.joint)), whole=False)
+    return state.made[hypothesis.key]
+
+
+def _lacking(state: Search[Any], best: Fit, term: Term, name: str) -> Fit:
+    """The fit without an optional number of a term."""
+    terms = tuple(one.lacking(name) if one is term else one for one in best.hypothesis.terms)
+    hypothesis = replace(best.hypothesis, terms=terms)
+    if hypothesis.key not in state.made:
+        state.keep(_fitted(state, hypothesis, best))
     return state.made[hypothesis.key]
 
 
@@ -292,18 +327,19 @@ def _changing(fit: Fit) -> tuple[Term, ...]:
     return tuple(term for term in fit.hypothesis.terms if not term.is_given or term.freed)
 
 
-def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
+def _exchanged(state: Search[Any], best: Fit, progress: Said | None) -> Fit:
     """Compare every effect with its best rivals until no exchange improves the score."""
     for _ in range(MOST):
         for term in _changing(best):
             less = _without(state, best, term)
-            own = [term.at] if _is_local(state, term) else state.data.joints
-            for joint in own:  # a delay is a parameter, not a term
-                if f"{joint}.{TIMING}" in less.hypothesis.filed:
-                    _estimating(state, less, f"{joint}.{TIMING}")
-            looks = [one for one in _looks(state, less, term) if one.candidate.term.key != term.key]
+            for name in state.data.delays:  # a delay is a parameter, not a term
+                if name in less.hypothesis.filed and _may_be_late(state, name, term):
+                    _estimating(state, less, name)
+            every = _looks(state, less, term)
+            looks = [one for one in _leading(every) if one.candidate.term.key != term.key]
             close = [one for one in looks if one.gain > looks[0].gain - CLOSE]
-            for look in looks[: max(RIVALS, min(len(close), 2 * RIVALS))]:
+            same = [one for one in every if _is_along_another(one.candidate.term, term)]
+            for look in (*looks[: max(RIVALS, min(len(close), 2 * RIVALS))], *same):
                 hypothesis = look.candidate.added_to(less.hypothesis)
                 if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                     _tried(state, look.candidate, hypothesis, less)
@@ -316,7 +352,12 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
     return best
 
 
-def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
+def _is_along_another(term: Term, than: Term) -> bool:
+    """Whether a term is the same effect along another signal."""
+    return term.key == than.key and term.along != than.along
+
+
+def _without_names(state: Search[Any], best: Fit, progress: Said | None) -> Fit:
     """Try unnamed forces in addition to the named effects, and instead of each of them."""
     if progress:
         progress("searching for forces without a name")
@@ -328,7 +369,7 @@ def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
     return state.best
 
 
-def _simplified(state: Search, best: Fit) -> Fit:
+def _simplified(state: Search[Any], best: Fit) -> Fit:
     """The fit with parameters from the robot file and without delays, where that does not lower the score."""
     data = state.data
 
@@ -347,7 +388,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
 
     while True:
         held = {name for name, _ in best.hypothesis.held} | best.hypothesis.filed
-        names: list[Number] = [name for name in (*filable(data), TIMING) if name not in held]
+        names: list[Number] = [name for name in (*filable(data), *data.timing) if name not in held]
         names += best.hypothesis.freed
         alone = {name: state.score(filed(best, name)) - state.score(best) for name in names}
         before = best
@@ -360,7 +401,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
         best = state.keep(_fitted(state, best.hypothesis, best))
 
 
-def _freed(state: Search, best: Fit) -> Fit:
+def _freed(state: Search[Any], best: Fit) -> Fit:
     """The fit with parameters estimated again where the robot file's value lowers the score."""
     for name in sorted(best.hypothesis.filed):
         trial = _estimating(state, best, name)
@@ -368,7 +409,7 @@ def _freed(state: Search, best: Fit) -> Fit:
     return best
 
 
-def _estimating(state: Search, fit: Fit, name: str) -> Fit:
+def _estimating(state: Search[Any], fit: Fit, name: str) -> Fit:
     """The fit that estimates one parameter so far taken from the robot file."""
     hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
     if hypothesis.key not in state.made:

@@ -72,6 +72,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics.results": ("robot_model", "missing_physics.evaluation", "missing_physics.standard"),
     "missing_physics.diagnosis": (
         "missing_physics.answer",
+        "missing_physics.hypotheses",
         "missing_physics.inference",
         "missing_physics.results",
         "missing_physics.plausibility",
@@ -135,7 +136,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
 }
 
 #: Rooms of the diagnosis, from recorded data upwards: each may import those before it.
-DIAGNOSIS = ("motion", "statistics", "dynamics", "known", "coverage", "comparison", "gear", "gear_file")
+DIAGNOSIS = ("motion", "dynamics", "known", "coverage", "comparison", "gear", "gear_file")
 KNOWS |= {
     f"missing_physics.diagnosis.{room}": (
         *KNOWS["missing_physics.diagnosis"],

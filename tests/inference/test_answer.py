@@ -9,7 +9,8 @@ from recorded_arm import COULOMB, VISCOUS, Hidden, asymmetric, nothing, recorded
 from missing_physics.answer.unnamed import unnamed
 from missing_physics.diagnosis import diagnose
 from missing_physics.evaluation import evaluate
-from missing_physics.inference import Data, fitted, search, weighed
+from missing_physics.inference import fitted, search, weighed
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.result import Result
 from missing_physics.standard import fit_standard
 from robot_model import EffectUse, Recording, Robot, robot_from_toml
@@ -111,7 +112,7 @@ def test_a_force_that_held_out_data_contradict_is_not_stated(arm: Robot) -> None
 
     robot, fit = with_friction(arm), recorded(bump, seed=1)
     standard = fit_standard(robot, [fit])
-    same, other = (Data.of(standard, [fit], [recorded(hidden, seed=2)]) for hidden in (bump, hollow))
+    same, other = (TorqueData.of(standard, [fit], [recorded(hidden, seed=2)]) for hidden in (bump, hollow))
     hypothesis = weighed(search(same)).answer.hypothesis
     (force,) = unnamed(same, fitted(same, hypothesis))
     assert force.depends_on == ("joint.position",)

@@ -7,8 +7,8 @@ import pytest
 from recorded_arm import recorded, wave
 
 from missing_physics.hypotheses import Term
-from missing_physics.inference import Data
-from missing_physics.inference.columns import columns_of
+from missing_physics.inference.torques.columns import columns_of
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard import fit_standard
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
@@ -26,9 +26,9 @@ TERMS = (
 
 
 @pytest.fixture
-def data(arm: Robot) -> Data:
+def data(arm: Robot) -> TorqueData:
     fit, held_out = recorded(wave, seed=1), recorded(wave, seed=2)
-    return Data.of(fit_standard(arm, [fit]), [fit], [held_out])
+    return TorqueData.of(fit_standard(arm, [fit]), [fit], [held_out])
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def terms(arm: Robot) -> list[Term]:
 
 
 @pytest.mark.parametrize("run", [0, 1])
-def test_columns_made_together_are_those_of_each(data: Data, terms: list[Term], run: int) -> None:
+def test_columns_made_together_are_those_of_each(data: TorqueData, terms: list[Term], run: int) -> None:
     data.terms.prepare(terms, run)
     counted = data.runs[run].rows.counted[:, :, None]
     for term in terms:
@@ -52,14 +52,16 @@ def test_columns_made_together_are_those_of_each(data: Data, terms: list[Term], 
 
 
 @pytest.mark.parametrize("run", [0, 1])
-def test_torques_without_derivatives_are_the_first_columns(data: Data, terms: list[Term], run: int) -> None:
-    quickly = data.terms.torques(terms, run)
+def test_torques_without_derivatives_are_the_first_columns(
+    data: TorqueData, terms: list[Term], run: int
+) -> None:
+    quickly = data.terms.contributed(terms, run)
     whole = sum(data.columns(term, run)[:, :, 0] for term in terms)
     assert np.abs(whole).max() > 0.1
     assert quickly == pytest.approx(whole, rel=1e-9, abs=1e-12)
 
 
-def test_linear_parameters_change_the_first_column_only(data: Data, terms: list[Term]) -> None:
+def test_linear_parameters_change_the_first_column_only(data: TorqueData, terms: list[Term]) -> None:
     (spring,) = [term for term in terms if term.effect.id == "cable_spring"]
     before, after = (data.columns(one, 0) for one in (spring, spring.moved({"stiffness": 3.0})))
     assert after[:, :, 1:] == pytest.approx(before[:, :, 1:])

@@ -19,19 +19,20 @@ from recorded_arm import (
 )
 
 from missing_physics.hypotheses import TIMING, Candidate, Hypothesis, Term
-from missing_physics.inference import Data, fitted, search, weighed
+from missing_physics.inference import fitted, search, weighed
 from missing_physics.inference.fit import residuals
 from missing_physics.inference.ledger import prior
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Screen
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard import fit_standard
 from reference_model.effects.catalogue import get_effect
 from robot_model import Recording, Robot
 
 
-def data_of(arm: Robot, hidden: Hidden, *, late: float = 0.0, unseen: Hidden | None = None) -> Data:
+def data_of(arm: Robot, hidden: Hidden, *, late: float = 0.0, unseen: Hidden | None = None) -> TorqueData:
     fit, held_out = recorded(hidden, seed=1, late=late), recorded(unseen or hidden, seed=2, late=late)
-    return Data.of(fit_standard(arm, [fit]), [fit], [held_out])
+    return TorqueData.of(fit_standard(arm, [fit]), [fit], [held_out])
 
 
 def linear(effect: str) -> Term:
@@ -177,7 +178,7 @@ def test_estimates_do_not_depend_on_the_torques_unit(arm: Robot) -> None:
             run = recorded(spring, seed=seed)
             channels = {**run.channels, "joint.torque": factor * run["joint.torque"]}
             runs.append(Recording(run.time, channels, source=run.source))
-        data = Data.of(fit_standard(robot, runs[:1]), runs[:1], runs[1:])
+        data = TorqueData.of(fit_standard(robot, runs[:1]), runs[:1], runs[1:])
         fit = fitted(data, Hypothesis((linear("cable_spring"),)))
         found.append(fit.hypothesis.terms[0].parameters["stiffness"] / factor)
         assert fit.number("joint.coulomb") / factor == pytest.approx(COULOMB, rel=0.05)

@@ -9,8 +9,9 @@ from recorded_arm import COULOMB, VISCOUS, Hidden, asymmetric, nothing, recorded
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.given import require_weighable
 from missing_physics.hypotheses import Hypothesis
-from missing_physics.inference import Data, fitted
+from missing_physics.inference import fitted
 from missing_physics.inference.ledger import ODDS, prior
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.result import Result
 from missing_physics.standard import fit_standard
 from reference_model.effects.along import EffectAlong
@@ -176,7 +177,7 @@ def test_a_force_of_no_known_effect_beside_a_law_of_the_file_stays_without_a_nam
 
 def test_laws_of_the_file_cost_nothing_and_each_change_of_them_the_same(arm: Robot) -> None:
     first, second = runs(excess)
-    data = Data.of(fit_standard(with_stribeck(arm), [first]), [first], [second])
+    data = TorqueData.of(fit_standard(with_stribeck(arm), [first]), [first], [second])
     (given,) = data.given
     as_filed = Hypothesis().filing("joint.viscous", "joint.offset", "joint.reflected_inertia", "bodies")
     as_filed = given.added_to(as_filed)

@@ -9,8 +9,8 @@ import pytest
 
 from missing_physics.diagnosis import Options, Result, diagnose
 from missing_physics.hypotheses import Term
-from missing_physics.inference import Data
-from missing_physics.inference.columns import added_to_bodies
+from missing_physics.inference.torques.columns import added_to_bodies
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard import fit_standard
 from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import get_effect
@@ -73,7 +73,7 @@ def test_friction_at_a_joint_is_named_with_its_level() -> None:
 
 def test_a_load_at_the_tip_of_a_beam_adds_to_the_mass_there() -> None:
     standard = fit_standard(space_robot(), [recorded(None, 1)])
-    data = Data.of(standard, [recorded(None, 1)])
+    data = TorqueData.of(standard, [recorded(None, 1)])
     effect = get_effect("payload")
     assert isinstance(effect, BodyEffect)
     term = Term.of(effect, "link2", {"mass": 3.0, "x": 6.0, "y": 0.0, "z": 0.0})

@@ -8,18 +8,18 @@ decimates as it does for torques.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.dynamics.along import Along
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
-__all__ = ["Gap", "gap_of", "gaps_of", "shifted", "with_net_torque"]
+__all__ = ["Gap", "gaps_of"]
 
 Array = NDArray[np.float64]
 
@@ -77,42 +77,84 @@ class Gap:
         return self.along.motion.acceleration[:, self.index]
 
     @property
+    def link(self) -> str:
+        """The link behind the joint."""
+        return self.along.joints[self.index].child
+
+    @property
     def gear_ratio(self) -> float:
         """Motor turns per joint turn."""
         actuator = self.along.joints[self.index].actuator
         return actuator.gear_ratio if actuator else 1.0
 
     @property
+    def is_prismatic(self) -> bool:
+        """Whether the joint slides."""
+        return self.along.joints[self.index].kind == "prismatic"
+
+    @property
     def transition(self) -> float:
         """Speed below which the sign of the velocity is not known."""
         return float(self.along.transition[self.index])
 
-    def smooth(self, values: Array) -> Array:
-        """Filtered at the full rate."""
-        return self.along.motion.low_pass.smooth(values)
+    @cached_property
+    def smooth(self) -> Mapping[str, Array]:
+        """The torques filtered, since their noise would hide what is not linear in them."""
+        low_pass = self.along.motion.low_pass
+        return {name: low_pass.smooth(torque) for name, torque in self.torques.items()}
 
     def reduce(self, values: Array) -> Array:
         """Filtered and decimated along the first axis."""
         return self.along.motion.low_pass.reduce(values)
 
 
-def gaps_of(along: Sequence[Along], recordings: Sequence[Recording]) -> dict[str, tuple[Gap, ...]]:
-    """The gap of every joint that has both encoders in all of the recordings, by joint."""
-    found: dict[str, tuple[Gap, ...]] = {}
-    for index, joint in enumerate(along[0].joints):
-        gaps = [gap_of(one, recording, index) for one, recording in zip(along, recordings)]
+def gaps_of(
+    along: Sequence[Along], recordings: Sequence[Recording], fitted: int
+) -> tuple[tuple[Gap, ...], ...]:
+    """The gaps of all joints that have both encoders in all of the recordings, recording by recording.
+
+    Args:
+        along: motion and dynamics of each recording.
+        recordings: the fitted ones first.
+        fitted: how many of them are fitted.
+    """
+    found = []
+    links = [_of_links(one, recording) for one, recording in zip(along, recordings)]
+    for index in range(len(along[0].joints)):
+        gaps = [_gap_of(*each, index) for each in zip(along, links, recordings)]
         present = tuple(gap for gap in gaps if gap is not None)
         if present and len(present) == len(along):
-            found[joint.name] = present
-    return found
+            found.append(_with_friction(present, fitted))
+    return tuple(zip(*found))
 
 
-def gap_of(along: Along, recording: Recording, index: int) -> Gap | None:
+def _difference(along: Along, recording: Recording, index: int) -> Array | None:
+    """Position less motor position of one joint, shape (N,); None without both encoders."""
+    joint, motion = along.joints[index].name, along.motion
+    if f"{joint}.position" not in motion.others or f"{joint}.motor_position" not in recording:
+        return None
+    return np.asarray(motion.others[f"{joint}.position"] - motion.raw_position[:, index])
+
+
+def _of_links(along: Along, recording: Recording) -> Array:
+    """Torque that the links need along the motion by the joints' encoders, without rotors, shape (N, n)."""
+    motion, more = along.motion, np.zeros_like(along.motion.position)
+    for index in range(len(along.joints)):
+        apart = _difference(along, recording, index)
+        if apart is not None:
+            more[:, index] = apart - apart.mean()
+    moved = motion.moved(more) if more.any() else motion
+    rotors = [joint.actuator.reflected_inertia if joint.actuator else 0.0 for joint in along.joints]
+    torque = MotionDynamics(along.dynamics.model, moved).torque
+    return np.asarray(torque - np.array(rotors) * moved.acceleration)
+
+
+def _gap_of(along: Along, links: Array, recording: Recording, index: int) -> Gap | None:
     """The gap of one joint; None without both encoders."""
-    joint = along.joints[index].name
+    joint, motion = along.joints[index].name, along.motion
     channels = f"{joint}.position", f"{joint}.motor_position"
-    motion = along.motion
-    if channels[0] not in motion.others or channels[1] not in recording:
+    difference = _difference(along, recording, index)
+    if difference is None:
         return None
     noise = {**estimate_noise(recording), **recording.noise}
     own = np.hypot(noise.get(channels[0], 0.0), recording.resolution.get(channels[0], 0.0) / np.sqrt(12.0))
@@ -123,9 +165,9 @@ def gap_of(along: Along, recording: Recording, index: int) -> Gap | None:
         along=along,
         index=index,
         joint=joint,
-        difference=motion.others[channels[0]] - motion.raw_position[:, index],
+        difference=difference,
         noise_floor=white * _noise_gain(along),
-        torques=_torques(along, index),
+        torques=_torques(along, links, index),
         steps=float(np.linalg.norm(steps)),
     )
 
@@ -161,49 +203,48 @@ def _noise_gain(along: Along) -> float:
     return float(np.linalg.norm(low_pass.smooth(impulse)))
 
 
-def _torques(along: Along, index: int) -> dict[str, Array]:
+def _torques(along: Along, links: Array, index: int) -> dict[str, Array]:
     """Torque through the gear, from each side.
 
     `link`: what the links need by inverse dynamics. It misses friction behind the gear and whatever the
     model of the links misses. `motor`: measured torque less what accelerates the rotor. It misses friction
     in front of the gear.
     """
-    motion = along.motion
-    actuator = along.joints[index].actuator
-    rotor = actuator.rotor_inertia * actuator.gear_ratio**2 if actuator else 0.0
-    accelerating = rotor * motion.acceleration[:, index]
-    torques = {"link": along.dynamics.torque[:, index] - accelerating}
+    motion, actuator = along.motion, along.joints[index].actuator
+    torques = {"link": links[:, index]}
     if np.isfinite(motion.torque[:, index]).all():
-        torques["motor"] = motion.torque[:, index] - accelerating
+        rotor = actuator.reflected_inertia if actuator else 0.0
+        torques["motor"] = motion.torque[:, index] - rotor * motion.acceleration[:, index]
     return torques
 
 
-def with_net_torque(gaps: Sequence[Gap], trained: int) -> tuple[Gap, ...]:
-    """Add `net`: the motor's torque less a friction that is odd in velocity, fitted on the first `trained`.
+def _with_friction(gaps: Sequence[Gap], fitted: int) -> tuple[Gap, ...]:
+    """Gaps with torques in which friction is told apart, fitted as odd in velocity.
 
-    ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model misses
-    (a counterbalance, a wrong mass) and stays in the torque, the friction is taken out of it.
+    ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model
+    misses (a counterbalance, a wrong mass), and is added to their torque (`link`). Friction in front of the
+    gear is taken out of the motor's torque (`net`), friction behind it is added to that of the links (`link
+    and friction`). Torques of the links have no noise, those of the motor miss nothing else.
     """
     if any("motor" not in gap.torques for gap in gaps):
         return tuple(gaps)
-    rows = [np.column_stack([_friction(gap), _curve(gap)]) for gap in gaps[:trained]]
+    rows = [np.column_stack([_friction(gap), _curve(gap)]) for gap in gaps[:fitted]]
     columns = np.concatenate([gap.reduce(block) for gap, block in zip(gaps, rows)])
-    excess = np.concatenate([g.reduce(g.torques["motor"] - g.torques["link"]) for g in gaps[:trained]])
+    excess = np.concatenate([g.reduce(g.torques["motor"] - g.torques["link"]) for g in gaps[:fitted]])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    law = (np.linalg.lstsq(columns / scale, excess, rcond=1e-8)[0] / scale)[:2]
-    return tuple(
-        Gap(
-            gap.along,
-            gap.index,
-            gap.joint,
-            gap.difference,
-            gap.noise_floor,
-            {**gap.torques, "net": gap.torques["motor"] - _friction(gap) @ law},
-            float(law[1]),
-            gap.steps,
-        )
-        for gap in gaps
-    )
+    law = np.linalg.lstsq(columns / scale, excess, rcond=1e-8)[0] / scale
+    found = []
+    for gap in gaps:
+        friction, link = _friction(gap) @ law[:2], gap.torques["link"] + _curve(gap) @ law[2:]
+        motor = gap.torques["motor"]
+        torques = {
+            "link": link,
+            "link and friction": link + friction,
+            "net": motor - friction,
+            "motor": motor,
+        }
+        found.append(replace(gap, torques=torques, viscous=float(law[1])))
+    return tuple(found)
 
 
 def _friction(gap: Gap) -> Array:
@@ -213,10 +254,3 @@ def _friction(gap: Gap) -> Array:
 def _curve(gap: Gap) -> Array:
     """A parabola over position about the recording's middle keeps the columns well conditioned."""
     return np.column_stack([np.ones(gap.position.size), gap.position, gap.position**2])
-
-
-def shifted(gap: Gap, delay: float) -> Array:
-    """Motor position `delay` seconds ago less now; beyond the ends it stands still."""
-    then = np.clip(gap.time - delay, gap.time[0], gap.time[-1])
-    # A straight line between samples would err by acceleration times sample time squared over eight.
-    return np.asarray(make_interp_spline(gap.time, gap.position, k=3)(then) - gap.position)

@@ -11,8 +11,8 @@ __all__ = ["dahl", "lagging"]
 
 Array = NDArray[np.float64]
 
-#: Step of the derivative by the logarithm of the travel.
-STEP = 0.02
+#: Step of the derivatives by size and height, as a part of the size: far above rounding.
+STEP = 1e-3
 #: Newton passes for a step of the exact law at most, and the relative error that ends them.
 PASSES, SETTLED = 50, 1e-12
 
@@ -54,15 +54,14 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
     return side * (1.0 - math.exp(u))
 
 
-def lagging(torque: Array, size: float, *, height: float = 0.0, slope: float = 0.0) -> Array:
-    """What friction in a gear adds to the gap, per amplitude T_h / K, shape (N, 1).
+def lagging(torque: Array, size: float, height: float) -> Array:
+    """The state of friction in a gear along the torque, and its derivatives by size and height, shape (N, 3).
 
-    The gear is taken to have come to its first torque in one go from rest. With a `slope` a second column
-    follows: the same times `slope`, by the logarithm of the size.
+    The gear is taken to have come to its first torque in one go from rest.
     """
     torque = np.concatenate([[0.0], torque])
-    own = dahl(torque, size, height)[1:, None]
-    if not slope:
-        return own
-    up, down = (dahl(torque, size * math.exp(sign * STEP), height)[1:] for sign in (1.0, -1.0))
-    return np.column_stack([own, slope * (up - down) / (2 * STEP)])
+    own, longer, higher = (
+        dahl(torque, s, h)[1:]
+        for s, h in ((size, height), (size * (1.0 + STEP), height), (size, height + STEP * size))
+    )
+    return np.column_stack([own, (longer - own) / (STEP * size), (higher - own) / (STEP * size)])

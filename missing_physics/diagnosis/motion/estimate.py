@@ -12,7 +12,7 @@ more torque than the recorded torque holds.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,17 @@ class Motion:
     def velocity_noise(self) -> Array:
         """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
         return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff)
+
+    def moved(self, more: Array) -> Motion:
+        """The motion with a change of the recorded positions, which is smoothed as they are, shape (N, n)."""
+        smooth = LowPass(self.low_pass.rate, self.motion_cutoff).smooth(more)
+        position, velocity, acceleration = _derivatives(self.time, smooth)
+        return replace(
+            self,
+            position=self.position + position,
+            velocity=self.velocity + velocity,
+            acceleration=self.acceleration + acceleration,
+        )
 
     @property
     def reduced_time(self) -> Array:

@@ -11,7 +11,6 @@ from diagnosis_cases import ARM, bare, recorded
 
 from missing_physics.diagnosis.coverage.needs import Needs
 from missing_physics.diagnosis.dynamics.recorded import make_dynamics
-from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.recordings.inspection.units import position_per_velocity
 
 ROBOT = bare("two_link_arm", noise=True)
@@ -23,33 +22,6 @@ def warnings_are_errors() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
-
-
-def test_the_memory_of_a_series_does_not_depend_on_its_size() -> None:
-    series = np.convolve(np.random.default_rng(0).standard_normal(500), np.ones(9), mode="same")
-    usual = effective_samples(series)
-    for size in (1e-170, 1e-200, 1e150):
-        assert effective_samples(size * series) == pytest.approx(usual)
-    assert effective_samples(0.0 * series) == 500.0
-
-
-def test_a_column_of_next_to_nothing_has_a_coefficient_with_a_deviation() -> None:
-    chance = np.random.default_rng(1)
-    columns = chance.standard_normal((400, 2)) * [1.0, 1e-156]
-    blocks = np.arange(400) // 40
-    regression = BlockedRegression.of(columns, columns[:, 0] + chance.standard_normal(400), blocks)
-    assert np.isfinite(regression.covariance()).all()
-
-
-def test_an_exact_fit_leaves_nothing_and_rounding_does_not_make_it_less() -> None:
-    blocks = np.arange(400) // 40
-    left = []
-    for seed in range(20):
-        columns = np.random.default_rng(seed).standard_normal((400, 2))
-        regression = BlockedRegression.of(columns, columns @ [3.0, -2.0], blocks)
-        left.append(regression.held_out_energy().sum())
-        assert abs(left[-1]) < 400 * 1e-12
-    assert min(left) < 0.0  # or this shows nothing
 
 
 def test_a_constant_torque_leaves_nothing_to_explain() -> None:

@@ -1,4 +1,4 @@
-"""What encoders' steps leave in their mean, and that it is named nothing."""
+"""What encoders' steps leave in their mean is not named."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ import numpy as np
 from test_transmission import ROBOT, Motion, recording
 from two_encoders import along_each
 
-from missing_physics.diagnosis.gear.causes import causes_of
-from missing_physics.diagnosis.gear.fit import GapData, fit_gap
-from missing_physics.diagnosis.gear.gap import gaps_of
-from missing_physics.diagnosis.gear.search import search_gap
+from missing_physics.diagnosis.gear.transmission import diagnose_transmission
 
 
 def test_what_is_no_larger_than_the_steps_make_is_not_named() -> None:
-    """Friction in a gear that clearly shows, were encoders not rounded so coarsely."""
-    runs = [recording(m, 4e-6 * np.sign(m.velocity) * -1.0, k) for k, m in enumerate((Motion(0), Motion(1)))]
-    gaps = gaps_of(along_each(ROBOT, runs), runs)["joint1"]
-    causes = causes_of(gaps, prismatic=False)
-    fine = search_gap(GapData(gaps, 1), causes)
-    assert fine.best.causes
-    size = fit_gap(fine.best.data, fine.best.causes).size_of(fine.best.causes[0])
-    coarse = search_gap(GapData([replace(gap, steps=size) for gap in gaps], 1), causes)
-    assert not coarse.best.causes
-    assert any("no larger than what the steps" in why for *_, why in coarse.steps)
+    """Play that clearly shows, were encoders not rounded so coarsely."""
+    motions = Motion(0), Motion(1)
+    runs = [recording(m, -4e-6 * np.sign(m.link_torque), k) for k, m in enumerate(motions)]
+    fine = diagnose_transmission(ROBOT, runs[:1], runs[1:], along=along_each(ROBOT, runs))
+    assert fine is not None
+    assert {finding.effect for finding in fine.findings} == {"backlash"}
+    steps = dict.fromkeys(("joint1.position", "joint1.motor_position"), 2e-5)
+    quiet = dict.fromkeys(steps, 0.0)
+    runs = [replace(run, resolution=steps, noise={**run.noise, **quiet}) for run in runs]
+    coarse = diagnose_transmission(ROBOT, runs[:1], runs[1:], along=along_each(ROBOT, runs))
+    assert coarse is not None
+    assert coarse.findings == ()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from missing_physics.hypotheses.extents import Sight
 from missing_physics.hypotheses.term import Term
-from missing_physics.inference.runs import Run
+from missing_physics.inference.torques.runs import Run
 from missing_physics.standard.prediction import coupled_motion
 from reference_model.effects.base import JointEffect
 from reference_model.evaluation.coupled_effects import coupled_joints

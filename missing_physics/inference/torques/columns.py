@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses.term import Term
-from missing_physics.inference.coupled import behind_motors
-from missing_physics.inference.runs import Run
+from missing_physics.inference.torques.coupled import behind_motors
+from missing_physics.inference.torques.runs import Run
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
@@ -88,7 +88,7 @@ class KeptColumns:
             counted = self._runs[run].rows.counted[:, acts, None]
             self._keep(key, _Columns(_straight(term), acts, np.where(counted, values, 0.0)))
 
-    def torques(self, terms: Sequence[Term], run: int) -> Array:
+    def contributed(self, terms: Sequence[Term], run: int) -> Array:
         """Sum of the torques of terms in one recording, zero where nothing is compared, shape (K, n)."""
         own, found = self._runs[run], np.zeros_like(self._runs[run].torque)
         fresh: list[Term] = []

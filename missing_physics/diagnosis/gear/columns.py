@@ -1,0 +1,118 @@
+"""What a term contributes to the gap, and its derivatives by the term's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.gear.gap import Gap
+from missing_physics.diagnosis.gear.hysteresis import lagging
+from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, HYSTERESIS
+from missing_physics.hypotheses import Term
+from missing_physics.standard.normal import Places
+from reference_model.effects.along import GearAlong, SensorAlong
+from reference_model.effects.base import SensorEffect, YieldingGear
+
+__all__ = ["VELOCITY", "GapColumns"]
+
+Array = NDArray[np.float64]
+
+#: Name of the signal that drives play where no torque is recorded, so that friction is not known.
+VELOCITY = "velocity"
+#: Most numbers in the cached columns: 64 MB.
+KEPT = 8_000_000
+
+
+class GapColumns:
+    """Columns of terms in the gaps, those of the terms used last cached.
+
+    Args:
+        gaps: of each recording, channel by channel.
+        centred: whether a recording's own mean is left out.
+    """
+
+    def __init__(self, gaps: Sequence[Sequence[Gap]], centred: Sequence[bool]) -> None:
+        self._gaps, self._centred = gaps, centred
+        self._kept: dict[tuple[object, ...], Array] = {}
+        self._size = 0
+
+    def prepare(self, terms: Sequence[Term], run: int) -> None:
+        """Compute the columns of several terms."""
+        for term in terms:
+            self.acting(term, run)
+
+    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
+        """The gap in which a term acts, shape (1,), and its columns there, shape (K, 1, 1 + P)."""
+        places = [
+            k for k, gap in enumerate(self._gaps[run]) if term.at.split(".")[0] in (gap.joint, gap.link)
+        ]
+        key = (*term.key, term.values, term.along, tuple(p.name for p in term.free), run)
+        if key not in self._kept:
+            gap = self._gaps[run][places[0]]
+            found = gap.reduce(_columns(term, gap))
+            found = found - found.mean(axis=0) if self._centred[run] else found
+            self._kept[key] = found[:, None, :]
+            self._size += found.size
+            while self._size > KEPT and len(self._kept) > 1:
+                self._size -= self._kept.pop(next(iter(self._kept))).size
+        return np.array(places[:1]), self._kept[key]
+
+    def contributed(self, terms: Sequence[Term], run: int) -> Array:
+        """Sum of what terms contribute to the gaps, shape (K, n)."""
+        found = np.zeros((self._gaps[run][0].along.time.size, len(self._gaps[run])))
+        for term in terms:
+            acts, values = self.acting(term, run)
+            found[:, acts] += values[:, :, 0]
+        return found
+
+
+def _columns(term: Term, gap: Gap) -> Array:
+    """At full rate, shape (N, 1 + P)."""
+    effect, p = term.effect, term.parameters
+    if isinstance(effect, SensorEffect):
+        return _sensor(term, effect, gap)
+    if isinstance(effect, YieldingGear):
+        torque = gap.smooth[term.along]
+        twist = GearAlong(effect).evaluate(torque, np.gradient(torque, gap.time), p)
+        names = [q.name for q in effect.estimated]
+        return -twist[:, [0, *(1 + names.index(q.name) for q in term.free)]]
+    if effect is BENDING:
+        return -gap.acceleration[:, None] * np.array([p["static_deflection"], 1.0])
+    if effect is BACKLASH:
+        drive = gap.velocity if term.along == VELOCITY else gap.smooth[term.along]
+        side = np.tanh(drive / p["flight"])
+        turning = (1.0 - side**2) * drive / p["flight"] ** 2
+        return np.column_stack([-p["half_width"] * side, -side, p["half_width"] * turning])
+    assert effect is HYSTERESIS
+    return _lossy(term, gap)
+
+
+def _sensor(term: Term, effect: SensorEffect, gap: Gap) -> Array:
+    """An encoder's error, without approximation, and its derivatives to first order."""
+    since, free = gap.time - gap.time[0], [p.name for p in term.free]
+    read = effect.apply(since, gap.position, term.parameters)
+    slopes = SensorAlong(effect).jacobian(since, gap.position, gap.velocity, term.parameters, free)
+    sign = -1.0 if term.at.endswith(".motor_position") else 1.0
+    return sign * np.column_stack([read - gap.position, slopes])
+
+
+def _lossy(term: Term, gap: Gap) -> Array:
+    """The gap is r z - T / K + D dT/dt c^2, to first order in D.
+
+    With r = T_h / K, the state z of size K travel and height T_h, and c = de/dT without damping.
+    """
+    p, torque = term.parameters, gap.smooth[term.along]
+    height, travel, stiffness = p["torque"], p["travel"], p["stiffness"]
+    state, by_size, by_height = lagging(torque, stiffness * travel, height).T
+    ratio, rate = height / stiffness, np.gradient(torque, gap.time)
+    compliance = 1.0 / (stiffness + height * (1.0 - state * np.sign(rate)) / travel)
+    columns = {
+        "torque": state / stiffness + ratio * by_height,
+        "travel": ratio * by_size * stiffness,
+        "stiffness": torque / stiffness**2 - ratio * state / stiffness + ratio * by_size * travel,
+        "damping": rate * compliance**2,
+    }
+    whole = ratio * state - torque / stiffness + p["damping"] * columns["damping"]
+    return np.column_stack([whole, *(columns[q.name] for q in term.free)])

@@ -1,0 +1,167 @@
+"""Rows of the gaps between two encoders, to which hypotheses are fitted as they are to rows of torques.
+
+The standard model has one number for each gap and recording: where the encoders have their zeros. A recording
+that is held out says its own, which no hypothesis foretells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.gear.candidates import candidates
+from missing_physics.diagnosis.gear.columns import GapColumns
+from missing_physics.diagnosis.gear.gap import Gap
+from missing_physics.hypotheses import Candidate, Hypothesis
+from missing_physics.inference.data import Data, blocks_of
+from missing_physics.standard import MODEL_ERROR
+from missing_physics.standard.layout import Layout
+from robot_model import Robot
+
+__all__ = ["GapData"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Width of the prior of a zero, as a part of its size and that of the gap: rows determine it.
+ANY = 1e3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GapData(Data):
+    """Rows of gaps, one channel for each joint with two encoders.
+
+    Attributes:
+        nominal_robot: whose joints they are.
+        gaps: of each recording, channel by channel, the fitted ones first.
+        offsets: mean of each gap in each fitted recording, shape (X,).
+    """
+
+    nominal_robot: Robot
+    gaps: tuple[tuple[Gap, ...], ...]
+    offsets: Array
+    _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(cls, robot: Robot, gaps: Sequence[Sequence[Gap]], fitted: int) -> Self:
+        """The rows of gaps (`gap.gaps_of`); a quarter of each recording is held out where none is.
+
+        Args:
+            robot: nominal.
+            gaps: of each recording, channel by channel.
+            fitted: how many recordings are fitted.
+        """
+        width = len(gaps[0])
+        blocks = blocks_of([np.ones((own[0].along.time.size, width), dtype=bool) for own in gaps], fitted)
+        targets = [_differences(own) for own in gaps]
+        offsets = np.concatenate([target.mean(axis=0) for target in targets[:fitted]])
+        about = np.concatenate([target - target.mean(axis=0) for target in targets[:fitted]])
+        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), 1e-15)
+        designs = []
+        for i, target in enumerate(targets):
+            design = np.zeros((*target.shape, offsets.size))
+            if i < fitted:
+                design[:, np.arange(width), i * width + np.arange(width)] = 1.0
+            designs.append(design)
+        sizes = np.tile(size, fitted)
+        layout = Layout(
+            names=tuple(f"{gap.joint}.zero in {i}" for i, own in enumerate(gaps[:fitted]) for gap in own),
+            start=offsets,
+            free=np.ones(offsets.size, dtype=bool),
+            bodies=(),
+            own=np.arange(offsets.size),
+            positive=np.zeros(0, dtype=int),
+            size=sizes,
+            centre=np.zeros(offsets.size),
+            width=ANY * (sizes + np.abs(offsets)),
+            scale=np.zeros(offsets.size),
+            beams=np.zeros(0, dtype=int),
+        )
+        return cls(
+            layout=layout,
+            filed=np.zeros(offsets.size),
+            designs=tuple(designs),
+            blocks=blocks,
+            size=size,
+            nominal_robot=robot,
+            gaps=tuple(map(tuple, gaps)),
+            offsets=offsets,
+        )
+
+    @property
+    def robot(self) -> Robot:
+        """The nominal robot."""
+        return self.nominal_robot
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints with two encoders."""
+        return tuple(gap.joint for gap in self.gaps[0])
+
+    @cached_property
+    def terms(self) -> GapColumns:
+        """Columns of terms along the recordings."""
+        return GapColumns(self.gaps, [i >= self.fitted for i in range(len(self.gaps))])
+
+    @cached_property
+    def error(self) -> Array:
+        """That of any model, and what the encoders' steps leave in their mean [rad or m], shape (n,)."""
+        steps = np.sqrt(np.mean([[gap.steps**2 for gap in own] for own in self.gaps], axis=0))
+        return np.hypot(MODEL_ERROR * self.size, steps)
+
+    @cached_property
+    def noise(self) -> Array:
+        """rms that the encoders' noise leaves of each gap [rad or m], shape (n,)."""
+        return np.sqrt(np.mean([[gap.noise_floor**2 for gap in own] for own in self.gaps], axis=0))
+
+    @property
+    def independent(self) -> float:
+        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
+        low_pass = self.gaps[0][0].along.motion.low_pass
+        return min(1.0, 2.0 * low_pass.cutoff * low_pass.stride / low_pass.rate)
+
+    @property
+    def start(self) -> Array:
+        """Where the encoders have their zeros, shape (X,)."""
+        return self.offsets
+
+    @property
+    def sigma(self) -> Array:
+        """rms of each gap about its mean [rad or m], shape (n,)."""
+        return self.size
+
+    def time(self, run: int) -> Array:
+        """Of the rows of one recording [s], shape (K,)."""
+        return self.gaps[run][0].along.time
+
+    def counted(self, run: int) -> Mask:
+        """Every row is compared, shape (K, n)."""
+        return np.ones((self.time(run).size, self.size.size), dtype=bool)
+
+    def target(self, run: int) -> Array:
+        """The gaps, those of a held-out recording about their mean [rad or m], shape (K, n)."""
+        if run not in self._targets:
+            found = _differences(self.gaps[run])
+            self._targets[run] = found if run < self.fitted else found - found.mean(axis=0)
+        return self._targets[run]
+
+    def nominal(self, run: int) -> Array:
+        """The gaps of a robot with rigid gears and encoders that do not err, shape (K, n)."""
+        return np.asarray(self.designs[run] @ self.offsets)
+
+    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
+        """What may be added to a hypothesis."""
+        found: list[Candidate] = []
+        for k in range(self.size.size):
+            own = [gaps[k] for gaps in self.gaps[: self.fitted]]
+            found += candidates(own, hypothesis.terms, [each[:, k] for each in left])
+        return found
+
+
+def _differences(gaps: Sequence[Gap]) -> Array:
+    return np.column_stack([gap.reduce(gap.difference) for gap in gaps])

@@ -1,1 +1,0 @@
-"""Least squares where errors are correlated in time: blocks, folds and tests."""

@@ -1,0 +1,345 @@
+"""The rows of recorded torques.
+
+In addition to the columns of the standard model there are those of the timing: torque and position of one
+recording rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay
+of about a sample that all joints share is no physical effect. Each joint may have a further delay.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.hypotheses import TIMING, Candidate, Hypothesis, Term, candidates
+from missing_physics.inference.data import Data, blocks_of
+from missing_physics.inference.torques.columns import KeptColumns, added_to_bodies, cut
+from missing_physics.inference.torques.places import places
+from missing_physics.inference.torques.runs import Run, about, runs_of
+from missing_physics.standard import MODEL_ERROR, StandardModel
+from missing_physics.standard.fit import design_of
+from missing_physics.standard.layout import Layout
+from missing_physics.standard.model import EFFECTS
+from missing_physics.standard.prediction import inertial_with_effects
+from missing_physics.standard.rows import FRICTION, is_friction
+from reference_model.effects.base import BodyEffect, JointEffect, YieldingGear
+from reference_model.effects.catalogue import used_effects
+from reference_model.evaluation.model import RobotModel
+from robot_model import Recording, Robot
+
+__all__ = ["TorqueData"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Standard deviations of the priors of delays: of all torques due to holds and buses [samples]; of single
+#: joints the same, plus that due to filters in their drives [s], whose cut-offs are some tens of Hz.
+OFFSET, FILTER = 1.0, 5e-3
+#: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
+SAME = 0.05
+#: Lower bound of torque scales [N m or N], which keeps parameter scales finite where a channel is zero.
+SMALLEST = 1e-12
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TorqueData(Data):
+    """Rows of recorded torques, one channel for each joint.
+
+    The layout has the parameters of the standard model, followed by the timing of each joint; the size of a
+    channel is that of `Rows.scale`.
+
+    Attributes:
+        standard: the standard model about which everything is linearised.
+        runs: recordings, the fitted ones first.
+    """
+
+    standard: StandardModel
+    runs: tuple[Run, ...]
+    _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(
+        cls, standard: StandardModel, recordings: Sequence[Recording], held_out: Sequence[Recording] = ()
+    ) -> Self:
+        """The rows of recordings in the band in which the standard model was fitted.
+
+        Where no recording is held out, a quarter of each one is (`held_out_windows`).
+        """
+        runs = runs_of(standard, (*recordings, *held_out))
+        fitted = len(recordings)
+        blocks = blocks_of([run.rows.counted for run in runs], fitted)
+        squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
+        torque = np.sqrt(np.mean(squares, axis=0))
+        torque = np.maximum(torque, max(1e-9 * float(torque.max()), SMALLEST))
+        step = 1.0 / runs[0].motion.sampling
+        driven = np.any([run.driven for run in runs], axis=0)
+        layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
+        filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
+        given = tuple(_given(standard.nominal, dict(zip(layout.names, filed))))
+        return cls(
+            layout=layout,
+            filed=filed,
+            designs=_designs(runs),
+            blocks=blocks,
+            size=torque,
+            given=given,
+            standard=standard,
+            runs=runs,
+        )
+
+    def about(self, numbers: Array) -> Self:
+        """The same rows, linearised about other parameters of the standard model and shifted by their delays.
+
+        Args:
+            numbers: shape (X,).
+        """
+        along, estimate = numbers.copy(), self.standard.estimate.values
+        for one in self.given:  # the friction that a law replaces, for the torque that the motion needs
+            for name, value in one.held:
+                place = self.layout.names.index(name)
+                along[place] = estimate[place] if numbers[place] == value else numbers[place]
+        runs = tuple(about(run, along) for run in self.runs)
+        return replace(self, runs=runs, designs=_designs(runs))
+
+    @property
+    def laws(self) -> tuple[Candidate, ...]:
+        """Those of `given` that the rows do not have."""
+        return tuple(one for one in self.given if not one.term.in_rows)
+
+    @property
+    def about_numbers(self) -> Array:
+        """Parameters of the standard model about which the rows are linearised, shape (X,)."""
+        given = self.runs[0].numbers
+        return np.concatenate([given, np.zeros(self.filed.size - given.size)])
+
+    def with_bodies(self, numbers: Array, terms: Sequence[Term]) -> Array:
+        """Parameters of the standard model where bodies include what terms add to them, shape (X,)."""
+        found = numbers.copy()
+        for term in terms:
+            if isinstance(term.effect, BodyEffect):
+                places, added, _ = added_to_bodies(term, term.effect, self.runs[0].model)
+                found[places] += added
+        return found
+
+    def is_near(self, one: Array, other: Array) -> bool:
+        """Whether recordings linearised about the first parameters serve for the second, shape (X,) each.
+
+        Torques are shifted by delays. Links bend as the masses demand: nearly alike where what differs
+        changes the torques by less than the model's own error.
+        """
+        angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
+        if angle >= SAME:
+            return False
+        if not self.bends:
+            return True
+        count = len(self.runs[0].model.inertial_names) - 3
+        apart = [design[:, :, :count] @ (one - other)[:count] for design in self.designs]
+        change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
+        return bool(np.all(change < self.error))
+
+    @property
+    def bends(self) -> bool:
+        """Whether links bend, so that torques are not linear in the bodies."""
+        return self.runs[0].along.inner is not None
+
+    @property
+    def independent(self) -> float:
+        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
+        run = self.runs[0]
+        return float(min(1.0, 2.0 * run.motion.cutoff * (run.rows.time[1] - run.rows.time[0])))
+
+    def late(self, numbers: Array) -> Array:
+        """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
+        first = self.filed.size - self.size.size - 1
+        return np.asarray(numbers[first] + numbers[first + 1 :])
+
+    @cached_property
+    def terms(self) -> KeptColumns:
+        """Columns of terms along the recordings."""
+        return KeptColumns(self.runs)
+
+    def nominal(self, run: int) -> Array:
+        """Torques by the robot file in one recording, zero where nothing is compared, shape (K, n)."""
+        laws = [self.columns(one.term, run)[:, :, 0] for one in self.laws]
+        return np.asarray(sum(laws, self.designs[run] @ self.filed))
+
+    def target(self, run: int) -> Array:
+        """Torques predicted by the parameters, zero where nothing is compared, shape (K, n).
+
+        The recorded torques are already shifted by the delays about which the recording is linearised, so
+        the column of a delay contributes only its change.
+        """
+        if run not in self._targets:
+            own, first = self.runs[run], self.filed.size - self.size.size
+            late = self.designs[run][:, :, first:] @ own.delays
+            self._targets[run] = np.where(own.rows.counted, own.torque + late, 0.0)
+        return self._targets[run]
+
+    @cached_property
+    def error(self) -> Array:
+        """Error of the model itself, which no hypothesis explains, rms at each joint, shape (n,)."""
+        return MODEL_ERROR * self.size
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the moving joints."""
+        return tuple(self.runs[0].model.joints)
+
+    @property
+    def robot(self) -> Robot:
+        """The nominal robot."""
+        return self.standard.nominal
+
+    @property
+    def sigma(self) -> Array:
+        """rms residual of the standard model at each joint, shape (n,)."""
+        return self.standard.estimate.sigma
+
+    @property
+    def width(self) -> float:
+        """Relative width of the prior of bodies that the standard model chose."""
+        return self.standard.estimate.width
+
+    @cached_property
+    def noise(self) -> Array:
+        """rms at each joint that sensors leave of the torques [N m or N], shape (n,)."""
+        return np.sqrt(np.mean([run.rows.noise**2 for run in self.runs], axis=0))
+
+    @property
+    def timing(self) -> tuple[str, ...]:
+        """Name of the delay that all torques share."""
+        return (TIMING,)
+
+    @property
+    def delays(self) -> tuple[str, ...]:
+        """Names of the further delays of single joints."""
+        return tuple(f"{joint}.{TIMING}" for joint in self.joints)
+
+    def time(self, run: int) -> Array:
+        """Of the rows of one recording [s], shape (K,)."""
+        return self.runs[run].rows.time
+
+    def counted(self, run: int) -> Mask:
+        """Which rows of one recording are compared, shape (K, n)."""
+        return self.runs[run].rows.counted
+
+    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
+        """What may be added to a hypothesis."""
+        channels = frozenset.intersection(*(run.channels for run in self.runs))
+        coulomb = {j: float(numbers[self.layout.names.index(f"{j}.coulomb")]) for j in self.joints}
+        seen = [self.rows_seen(i) for i in range(self.fitted)]
+        where = places(self.robot, self.runs, seen, left, coulomb)
+        return list(candidates(self.robot, hypothesis, where, channels, self.given))
+
+    def cut(self, terms: Sequence[Term]) -> Array:
+        """Rows of each block and joint in which terms cut the recorded torque, shape (B, n)."""
+        found = np.zeros_like(self.counts)
+        for term in terms:
+            if isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
+                rows = [np.where(run.rows.counted, cut(term, run, i), 0.0) for i, run in enumerate(self.runs)]
+                found += [rows[block.run][block.rows].sum(axis=0) for block in self.blocks]
+        return found
+
+    @cached_property
+    def orders(self) -> Array:
+        """Angular orders of a wave over each joint's position that recordings tell apart, shape (n,).
+
+        They differ by a cycle over its travel, and the highest one makes the end of the band at the median
+        speed; at least one.
+        """
+        found = np.ones(self.size.size)
+        for run in self.runs[: self.fitted]:
+            motion = run.motion
+            travel, speed = np.ptp(motion.position, axis=0), np.median(np.abs(motion.velocity), axis=0)
+            found = np.maximum(found, motion.cutoff * travel / np.maximum(speed, 1e-12))
+        return found
+
+    @property
+    def start(self) -> Array:
+        """Parameters of the standard model as it was fitted, without delays, shape (X,)."""
+        return np.concatenate([self.standard.estimate.values, np.zeros(self.size.size + 1)])
+
+
+def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
+    return tuple(
+        np.where(r.rows.counted[:, :, None], np.concatenate([design_of(r.rows), _late(r)], axis=2), 0.0)
+        for r in runs
+    )
+
+
+def _late(run: Run) -> Array:
+    """Derivatives of the torques by delays, the common one first: minus their rates, shape (K, n, 1 + n).
+
+    Dry friction is left out since it changes only where nothing is compared. Zero at undriven joints, whose
+    torque is known.
+    """
+    time, joints = run.motion.time, len(run.model.joints)
+    rate = -run.reduce(np.asarray(make_interp_spline(time, run.sliding, k=3)(time, 1))) * run.driven
+    found = np.zeros((len(rate), joints, 1 + joints))
+    found[:, :, 0] = rate
+    found[:, np.arange(joints), 1 + np.arange(joints)] = rate
+    return run.rows.vibration.removed(found)
+
+
+def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_], step: float) -> Layout:
+    size = len(base.names)
+    offsets = [base.names.index(f"{joint}.offset") for joint in joints]
+    slides = [bool(base.free[place] and moved) for place, moved in zip(offsets, driven)]
+    free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
+    width = np.array([OFFSET * step, *[np.hypot(OFFSET * step, FILTER)] * len(joints)])
+    return Layout(
+        names=(*base.names, TIMING, *(f"{joint}.{TIMING}" for joint in joints)),
+        start=np.concatenate([base.start, np.zeros(free.size)]),
+        free=np.concatenate([base.free, free]).astype(bool),
+        bodies=base.bodies,
+        own=np.concatenate([base.own, size + np.flatnonzero(free)]),
+        positive=base.positive,
+        size=np.concatenate([base.size, width]),
+        centre=np.concatenate([base.centre, np.zeros(free.size)]),
+        width=np.concatenate([base.width, width]),
+        beams=base.beams,
+        scale=np.concatenate([base.scale, np.zeros(width.size)]),
+    )
+
+
+def _given(robot: Robot, filed: Mapping[str, float]) -> Iterator[Candidate]:
+    """Effects of the robot file at joints of which the standard model has no parameters.
+
+    Friction laws, their modifiers and gears behind the only encoder, and what the rows have already (springs,
+    ripple), of which the linear parameters may be off.
+
+    Args:
+        robot: nominal.
+        filed: parameters of the standard model by the robot file.
+    """
+    numbers = {effect for effect, _, _ in EFFECTS.values()}
+    joints = {drive.name for drive in robot.drives}
+    counts = Counter((used.effect.id, used.at) for used in used_effects(robot))
+    for used in used_effects(robot):
+        if used.effect.id in numbers or used.at not in joints:
+            continue
+        if is_friction(used.effect):
+            level = f"{used.at}.coulomb"
+            held = ((level, float(filed[level])),) if used.effect.family else ()
+            yield Candidate(Term.given(used.effect, used.at, used.parameters), held)
+        elif isinstance(used.effect, YieldingGear):
+            yield Candidate(Term.given(used.effect, used.at, used.parameters))
+        elif isinstance(used.effect, JointEffect) and counts[used.effect.id, used.at] == 1:
+            yield Candidate(Term.given(used.effect, used.at, used.parameters, in_rows=True))
+
+
+def _filed(robot: Robot, model: RobotModel) -> Array:
+    """Parameters of the standard model by the robot file, shape (X,)."""
+    known = {effect: (kind, sign) for kind, (effect, _, sign) in EFFECTS.items()}
+    friction = dict.fromkeys((f"{joint}.{kind}" for joint in model.joints for kind in FRICTION), 0.0)
+    for used in used_effects(robot):
+        name, sign = known.get(used.effect.id, ("", 0.0))
+        if f"{used.at}.{name}" in friction:
+            friction[f"{used.at}.{name}"] += sign * next(iter(used.parameters.values()))
+    return np.concatenate([inertial_with_effects(model), list(friction.values())])
