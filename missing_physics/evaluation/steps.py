@@ -46,8 +46,10 @@ def steps_left(noise: float, step: float) -> float:
 
 def unsteadiness(
     torque: Array, noise: Array, steps: Array, *, rate: float, cutoff: float, smoothing: float
-) -> Array:
-    """Standard deviation in the band of what is unknown beyond white noise, shape (N, n) [N m or N].
+) -> tuple[Array, Array]:
+    """Standard deviations in the band of what is unknown beyond white noise [N m or N].
+
+    That of jumps is an upper bound: a recorded torque may be the mean over a sample.
 
     Args:
         torque: recorded samples, shape (N, n); columns with NaN have none.
@@ -56,6 +58,9 @@ def unsteadiness(
         rate: samples per second [Hz].
         cutoff: end of the band [Hz].
         smoothing: end of the filter that precedes it [Hz].
+
+    Returns:
+        Of jumps and of rounding, shape (N, n) each.
     """
     known = np.where(np.isfinite(torque), torque, 0.0)
     change = np.diff(known, axis=0)
@@ -64,10 +69,11 @@ def unsteadiness(
     square = beyond**2 - OF_NOISE * noise**2
     near = 2 * int(np.ceil(rate / smoothing)) + 1  # where the filter carries it
     mean = uniform_filter1d(np.vstack([square, square[-1:]]), near, axis=0, mode="nearest")
-    found = (2.0 * cutoff / rate) ** 2 * near * np.maximum(mean, 0.0) / 12.0
+    jumps = (2.0 * cutoff / rate) ** 2 * near * np.maximum(mean, 0.0) / 12.0
+    rounding = np.zeros_like(jumps)
     memory = 2 * int(np.ceil(0.25 * rate / cutoff)) + 1
     for k in np.flatnonzero(steps > 0.0):
         before = np.sqrt(max(noise[k] ** 2 - steps[k] ** 2 / 12.0, 0.0))
         travel = maximum_filter1d(known[:, k], memory) - minimum_filter1d(known[:, k], memory)
-        found[:, k] += steps_left(float(before), float(steps[k])) ** 2 / (1.0 + travel / steps[k]) ** 2
-    return np.sqrt(found)
+        rounding[:, k] = steps_left(float(before), float(steps[k])) ** 2 / (1.0 + travel / steps[k]) ** 2
+    return np.sqrt(jumps), np.sqrt(rounding)

@@ -65,6 +65,7 @@ class BandMotion:
             columns where not recorded, zero where nothing drives the joint.
         unsteady: standard deviation in the band of what samples and steps of the torque's recording leave
             unknown, beyond white noise (`missing_physics.evaluation.steps`), shape (N, n) [N m or N].
+        rounding: rms of the part of it that is due to steps, shape (n,).
         velocity_noise: standard deviation of the smoothed velocity, shape (n,).
         torque_noise: standard deviation of white torque noise per recorded sample, shape (n,).
         cutoff: end of the band [Hz].
@@ -79,6 +80,7 @@ class BandMotion:
     acceleration: Array
     torque: Array
     unsteady: Array
+    rounding: Array
     velocity_noise: Array
     torque_noise: Array
     cutoff: float
@@ -221,7 +223,7 @@ def band_motion(
     torque = np.column_stack([torque for torque, _ in torques])
     noise = np.array([sigma for _, sigma in torques])
     steps = np.array([_step(robot, recording, joint) for joint in joints])
-    unsteady = unsteadiness(torque, noise, steps, rate=clock.rate, cutoff=cutoff, smoothing=wide)
+    jumps, rounding = unsteadiness(torque, noise, steps, rate=clock.rate, cutoff=cutoff, smoothing=wide)
     torque, stride = thinned(torque, rate=clock.rate, smoothing=wide)
     return BandMotion(
         source=recording.source,
@@ -230,7 +232,8 @@ def band_motion(
         velocity=velocity[::stride],
         acceleration=np.asarray(spline(clock.time[::stride], 2)),
         torque=torque[::stride],
-        unsteady=unsteady[::stride],
+        unsteady=np.hypot(jumps, rounding)[::stride],
+        rounding=np.sqrt(np.mean(rounding**2, axis=0)),
         velocity_noise=_velocity_noise(spread, clock.rate, wide),
         torque_noise=noise,
         cutoff=cutoff,

@@ -174,7 +174,7 @@ def rows_of(
     known = np.isfinite(motion.torque)
     inertial = along.regressor
     others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
-    noise = np.hypot(_noise_in_band(along), np.sqrt(np.mean(motion.unsteady**2, axis=0)))
+    noise = np.hypot(_noise_in_band(along), motion.rounding)
     given = weights or Weights(np.zeros(noise.size), np.full(noise.size, np.inf))
     shares = motion.shares(prismatic(model.robot), given.rest) * motion.steadiness(given.left)
     torque = motion.reduce(np.where(known, motion.torque, 0.0))

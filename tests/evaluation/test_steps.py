@@ -16,8 +16,10 @@ Array = NDArray[np.float64]
 
 
 def unsteady(torque: Array, *, noise: float = 0.0, step: float = 0.0) -> Array:
+    """By jumps and rounding together, shape (N,)."""
     given = torque[:, None], np.array([noise]), np.array([step])
-    return unsteadiness(*given, rate=RATE, cutoff=CUTOFF, smoothing=SMOOTHING)[:, 0]
+    jumps, rounding = unsteadiness(*given, rate=RATE, cutoff=CUTOFF, smoothing=SMOOTHING)
+    return np.hypot(jumps, rounding)[:, 0]
 
 
 def in_band(error: Array) -> Array:
