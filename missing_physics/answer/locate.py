@@ -195,7 +195,7 @@ def _words(
         )
     if windows:
         spans = (range_text(*window, "s", between="-") for window in windows[:3])
-        parts.append("it stands out at " + ", ".join(spans))
+        parts.append("it is largest at " + ", ".join(spans))
     if lines:
         parts.append("with spectral lines at " + ", ".join(f"{f:.3g}" for f in lines) + " Hz")
     return "; ".join(parts) + "."

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.along import Along
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.evaluation.steps import steps_left
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
@@ -23,9 +24,6 @@ __all__ = ["Gap", "gaps_of"]
 
 Array = NDArray[np.float64]
 
-#: With noise above this part of the resolution the first terms of the sawtooth's Fourier series are exact to
-#: 1e-9; below it the noise does not change the mean.
-DITHER, TERMS = 0.1, 10
 #: Length over which the filter's noise gain is measured, in its edges.
 IMPULSE_EDGES = 8
 
@@ -176,23 +174,8 @@ def _steps(along: Along, recording: Recording, channel: str) -> float:
     """What an encoder's steps leave in its mean."""
     sensor = sensor_of(along.robot, recording, channel)
     if sensor is not None:
-        return _steps_left(sensor.noise, sensor.resolution)
-    return _steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
-
-
-def _steps_left(noise: float, resolution: float) -> float:
-    """rms by which a sensor's mean reading differs from the true value, over all true values.
-
-    The error of rounding is a sawtooth; Gaussian noise multiplies its k-th harmonic by
-    exp(-2 (pi k noise / resolution)^2) (Widrow and Kollar, Quantization Noise (2008), ch. 4).
-    """
-    if resolution <= 0:
-        return 0.0
-    if noise < DITHER * resolution:
-        return float(resolution / np.sqrt(12.0))
-    k = np.arange(1, TERMS + 1)
-    parts = np.exp(-2 * (np.pi * k * noise / resolution) ** 2) / (np.pi * k)
-    return float(resolution * np.sqrt(0.5 * np.sum(parts**2)))
+        return steps_left(sensor.noise, sensor.resolution)
+    return steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
 
 
 def _noise_gain(along: Along) -> float:
