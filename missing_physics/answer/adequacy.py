@@ -19,7 +19,7 @@ __all__ = ["adequacies"]
 
 #: Part of the explanations with a posterior near one that are right, where joints are explained:
 #: (40 + 1) of (44 + 2). 30 of 32 were in an earlier count (23 of a third engine, nine simulated), 10 of 12
-#: in the half of the simulated yardstick that may be looked at (yardstick_simulated.md); some of the nine
+#: in the half of the simulated yardstick that may be looked at (its page at 782f1f4); some of the nine
 #: may be among these.
 EXPLAINED = 0.89
 #: and elsewhere: 17 of 25 in simulated cases of an earlier program (yardstick_simulated.md at 9fa7b99).
