@@ -1,7 +1,7 @@
 """Rows of the gaps between two encoders, to which hypotheses are fitted as they are to rows of torques.
 
 The standard model has one number for each gap and recording: where the encoders have their zeros. A recording
-that is held out says its own, which no hypothesis foretells.
+that is held out states its own, which no hypothesis predicts.
 """
 
 from __future__ import annotations

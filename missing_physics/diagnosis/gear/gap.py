@@ -202,7 +202,7 @@ def _torques(along: Along, links: Array, index: int) -> dict[str, Array]:
 
 
 def _with_friction(gaps: Sequence[Gap], fitted: int) -> tuple[Gap, ...]:
-    """Gaps with torques in which friction is told apart, fitted as odd in velocity.
+    """Gaps with torques from which friction, fitted as odd in velocity, is separated.
 
     ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model
     misses (a counterbalance, a wrong mass), and is added to their torque (`link`). Friction in front of the

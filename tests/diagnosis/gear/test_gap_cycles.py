@@ -39,7 +39,7 @@ def test_an_order_that_is_no_multiple_of_a_turn_is_found(order: float, *, beside
         low, high = found.parameters[name].ci95
         half = max(SLACK * (high - low) / 2, SHARED * abs(value) if beside else 0.0)
         assert abs(found.parameters[name].value - value) <= half, name
-    # An order that is told at all is told to a quarter of a cycle over the way; here noise is a hundredth.
+    # An identifiable order is known to a quarter of a cycle over the travel; noise is a hundredth.
     low, high = found.parameters["order"].ci95
     assert high - low < 0.1 * order
 
