@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,7 @@ def answered(
     *,
     cutoff: float | None = None,
     experiments: int | None = None,
+    searched: Collection[str] = (),
     progress: Said,
 ) -> tuple[Result, tuple[Recording, ...]]:
     """The diagnosis before errors of robot files are compared, and the recordings corrected for delays.
@@ -62,6 +63,7 @@ def answered(
         validation: those that are only predicted; a quarter of each recording is held out when empty.
         cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
         experiments: seed of the motions that are designed for what is ambiguous; none are when None.
+        searched: ids of effects that other channels than torques were compared with.
         progress: called with a phrase whenever something new is tried.
 
     Raises:
@@ -82,10 +84,8 @@ def answered(
     answer = answer_of(data, known, safe.fit, of_bodies(data, load.fit, load.loads) if load else ())
     late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
     every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
-    rows = compared_rows(data, robot, every)
-    has_gyro = len(rows[0].channels) > len(data.joints)
-    asked = every if has_gyro else every[: data.fitted]
-    made = tuple(evaluate(robot, one, own.band) for one, own in zip(asked, rows))
+    rows = compared_rows(data)
+    made = tuple(evaluate(robot, one, own.band) for one, own in zip(every[: data.fitted], rows))
     needed: tuple[Experiment, ...] = ()
     motions: dict[str, str] = {}
     if experiments is not None and any(f.ambiguous_with for f in answer.findings):
@@ -114,7 +114,7 @@ def answered(
         fit=_fit(rows, robot),
         experiments=needed,
         unnamed=tuple(unnamed(data, answer.fit)),
-        could_not_tell=(*dismissed(found, answer.findings), _not_searched()),
+        could_not_tell=(*dismissed(found, answer.findings), _not_searched(searched)),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),
         timing=answer.timing,
@@ -122,7 +122,7 @@ def answered(
     return (
         Result(
             diagnosis=diagnosis,
-            series=series_of(data, rows, robot, made),
+            series=series_of(data, rows, robot),
             ladder=tuple(rung(found, step) for step in found.steps),
             augmented_robot_toml=robot_to_toml(file),
             rows=rows,
@@ -162,9 +162,10 @@ def dismissed(found: Search[Any], findings: Sequence[Finding]) -> list[str]:
     ]
 
 
-def _not_searched() -> str:
-    """Effects that no torque along the recorded motion shows."""
-    titles = [effect.title.lower() for effect in catalogue().values() if not effect.along_motion]
+def _not_searched(searched: Collection[str]) -> str:
+    """Effects that no torque along the recorded motion shows, and that no other channel was searched for."""
+    every = [effect for effect in catalogue().values() if not effect.along_motion]
+    titles = [effect.title.lower() for effect in every if effect.id not in searched]
     return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
 
 

@@ -29,10 +29,6 @@ BINS, FEWEST, WORTH = 20, 5, 0.05
 STRETCH, STANDS_OUT, MOST_WINDOWS = 1 / 240, 4.0, 4
 #: Most spectral lines that are listed, and their height relative to their neighbourhood.
 LINES, HEIGHT = 3, 8.0
-TURNED = (
-    "The base does not turn as the joints' motion and conservation of momentum demand: something outside the "
-    "robot acts on it, or bodies differ from the robot file's."
-)
 #: A curve over time that covers more than this part of the recording is not localised in time.
 EVERYWHERE = 0.5
 
@@ -97,7 +93,7 @@ def _described(
     channel = rows[0].channels[k]
     place, variables = channel.split(".")[0], _variables(data, robot, k)
     variables["time"] = [own.time for own in rows[: data.fitted]]
-    prismatic = k < len(robot.drives) and robot.drives[k].kind == "prismatic"
+    prismatic = robot.drives[k].kind == "prismatic"
     counted = np.concatenate([own.counted[:, k] for own in rows[: data.fitted]])
     blocks = np.concatenate([np.arange(own.time.size) * 10 // own.time.size for own in rows[: data.fitted]])
     whole = np.concatenate(list(left))[counted]
@@ -106,15 +102,11 @@ def _described(
     windows = _windows(rows[0].time, left[0])
     lines = _lines(rows[0].time, left[0], rows[0].band.torque)
     words = _words(place, prismatic, share, depends, windows, lines)
-    if k >= len(robot.drives):
-        words = f"{words} {TURNED}"
     return Mismatch(place, channel, float(share), p_value, windows, depends, lines, words)
 
 
 def _variables(data: TorqueData, robot: Robot, k: int) -> dict[str, list[Array]]:
-    """What the residual of a joint's torque may depend on, in each fitted recording; nothing for a base."""
-    if k >= len(robot.drives):
-        return {}
+    """What the residual of a joint's torque may depend on, in each fitted recording."""
     joint, runs = robot.drives[k].name, data.runs[: data.fitted]
     kept = [run.motion.kept for run in runs]
     return {

@@ -9,13 +9,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque
-from missing_physics.checks.gyros import gyro_channels, gyro_noise
-from missing_physics.evaluation import Band, Evaluation
+from missing_physics.evaluation import Band
 from missing_physics.inference.torques.data import TorqueData
-from missing_physics.inference.torques.runs import Run
 from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
-from missing_physics.standard import MODEL_ERROR
 from robot_model import Recording, Robot, unit_of
 
 __all__ = ["compared_rows", "punctual", "series_of"]
@@ -23,45 +20,25 @@ __all__ = ["compared_rows", "punctual", "series_of"]
 Array = NDArray[np.float64]
 
 
-def compared_rows(data: TorqueData, robot: Robot, recordings: Sequence[Recording]) -> tuple[Rows, ...]:
+def compared_rows(data: TorqueData) -> tuple[Rows, ...]:
     """Samples of every recording, the fitted ones first; joints without fitted samples are not compared.
-
-    Torques of all joints, then gyros of a free base, which no hypothesis was fitted to.
 
     Args:
         data: the rows of all recordings.
-        robot: nominal.
-        recordings: as compared, the fitted ones first.
     """
-    gyros = gyro_channels(robot, recordings)
-    channels = (*(f"{joint}.torque" for joint in data.joints), *gyros)
-    fitted = np.append(data.counts[data.seen].sum(axis=0) > 0.0, np.ones(len(gyros), dtype=bool))
-    each = [  # no robot file predicts these
-        [*np.hypot(run.rows.noise, run.rows.shaken), *(_base_noise(run, robot, one, c) for c in gyros)]
-        for run, one in zip(data.runs, recordings)
-    ]
+    channels = tuple(f"{joint}.torque" for joint in data.joints)
+    fitted = data.counts[data.seen].sum(axis=0) > 0.0
+    each = [np.hypot(run.rows.noise, run.rows.shaken) for run in data.runs]  # no robot file predicts these
     noise = np.sqrt(np.mean(np.square(each), axis=0))
-    read = [[np.nanstd(one[c]) for c in gyros] for one in recordings[: data.fitted]]
-    error = np.append(data.error, MODEL_ERROR * np.sqrt(np.mean(np.square(read), axis=0)))
     found = []
     for i, run in enumerate(data.runs):
-        motion, time = run.motion, run.rows.time
+        motion = run.motion
         band = Band(motion.cutoff, motion.smoothing, tuple(data.standard.weights.rest))
-        counted = np.hstack([run.rows.counted, np.ones((time.size, len(gyros)), dtype=bool)]) & fitted
-        found.append(Rows(channels, noise, time, ~data.rows_seen(i), counted, band, error=error))
+        counted = run.rows.counted & fitted
+        found.append(
+            Rows(channels, noise, run.rows.time, ~data.rows_seen(i), counted, band, error=data.error)
+        )
     return tuple(found)
-
-
-def _base_noise(run: Run, robot: Robot, recording: Recording, channel: str) -> float:
-    """rms in the band of what a gyro's noise, and that of the encoders, leaves of the rate of a free base."""
-    motion, response = run.motion, run.along.response
-    assert response is not None
-    axis = 3 + "xyz".index(channel[-1])
-    lever = np.sqrt(np.mean(response.base[:, : motion.velocity_noise.size, axis] ** 2, axis=0))
-    velocity = motion.velocity_noise * (motion.cutoff / motion.smoothing) ** 1.5
-    return float(
-        np.hypot(gyro_noise(robot, recording, channel, motion.cutoff), np.linalg.norm(lever * velocity))
-    )
 
 
 def punctual(robot: Robot, recording: Recording, late: float) -> Recording:
@@ -78,31 +55,23 @@ def punctual(robot: Robot, recording: Recording, late: float) -> Recording:
     return recording.with_channels(moved) if moved else recording
 
 
-def series_of(
-    data: TorqueData, rows: Sequence[Rows], robot: Robot, made: Sequence[Evaluation]
-) -> tuple[ChannelSeries, ...]:
+def series_of(data: TorqueData, rows: Sequence[Rows], robot: Robot) -> tuple[ChannelSeries, ...]:
     """Every compared channel of every recording; the models' predictions are added by the comparison.
 
     Args:
         data: the rows of all recordings.
         rows: of each recording.
         robot: nominal.
-        made: what it predicts of each; of those with gyros at least.
     """
     found = []
     for i, (run, own) in enumerate(zip(data.runs, rows)):
         for k, channel in enumerate(own.channels):
             if not any(other.counted[:, k].any() for other in rows):
                 continue
-            joint = robot.drives[k] if k < len(robot.drives) else None
-            prismatic = joint is not None and joint.kind == "prismatic"
-            if joint is not None:
-                measured = run.rows.measured[:, k]
-            else:
-                column = made[i].channels.index(channel)
-                measured = np.interp(own.time, made[i].time, made[i].measured[:, column])
-            moved = (run.motion.position, run.motion.velocity) if joint is not None else ()
-            position, velocity = [part[run.motion.kept][:, k] for part in moved] or (None, None)
+            prismatic, measured = robot.drives[k].kind == "prismatic", run.rows.measured[:, k]
+            position, velocity = (
+                part[run.motion.kept][:, k] for part in (run.motion.position, run.motion.velocity)
+            )
             found.append(
                 ChannelSeries(
                     recording=run.rows.source,

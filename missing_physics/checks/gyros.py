@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from missing_physics.recordings import noise_of, sensor_of
 from robot_model import Recording, Robot
 
-__all__ = ["gyro_channels", "gyro_noise"]
+__all__ = ["covered", "gyro_channels", "gyro_noise"]
 
 #: A gyro's channels in the order of the axes.
 GYRO = tuple(f"base.angular_velocity.{axis}" for axis in "xyz")
@@ -19,17 +19,13 @@ GAP = 1.5
 
 
 def gyro_channels(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """The gyro channels that all of the recordings have; none for a fixed base.
-
-    Nor for flexible links: their vibration turns the base by more than a gyro's noise, and is not known as
-    well as that from the joints' motion.
-    """
-    if robot.base.kind != "free" or robot.flexible_links:
+    """The gyro channels that all of the recordings have; none for a fixed base."""
+    if robot.base.kind != "free":
         return ()
     return tuple(
         channel
         for channel in GYRO
-        if all(channel in r and _covered(r, channel).sum() > 0.5 * len(r) for r in recordings)
+        if all(channel in r and covered(r, channel).sum() > 0.5 * len(r) for r in recordings)
     )
 
 
@@ -44,7 +40,7 @@ def gyro_noise(robot: Robot, recording: Recording, channel: str, cutoff: float) 
     return float(found * np.sqrt(min(1.0, 2.0 * cutoff * float(np.median(np.diff(time))))))
 
 
-def _covered(recording: Recording, channel: str) -> NDArray[np.bool_]:
+def covered(recording: Recording, channel: str) -> NDArray[np.bool_]:
     """Instants at which a channel, perhaps of a slower clock, was recorded without a gap, shape (N,)."""
     good = np.flatnonzero(np.isfinite(recording[channel]))
     inside = np.zeros(len(recording), dtype=bool)

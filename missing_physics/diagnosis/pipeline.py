@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from missing_physics.answer import answered
 from missing_physics.checks.transmissions import on_both_sides
+from missing_physics.diagnosis.base.file import with_base, without_base_effects
+from missing_physics.diagnosis.base.stage import diagnose_base
 from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.coverage import Coverage, Prepared, coverage, prepared, require_same_torques
@@ -73,12 +75,17 @@ def diagnose(
     require_same_torques(nominal, used[:fitted], along[:fitted])
     covered = coverage(nominal, used, along, fitted=fitted, dead=ready.dead)
     gap = _between_encoders(robot, ready, fitted, tell)
+    base = diagnose_base(nominal, used, fitted, along=along, progress=tell)
     whole = without_data(nominal, used[:fitted], used[fitted:], covered)
     if covered.enough:
-        rigid = behind_gears(nominal, used, along, yielding(robot, gap))
-        whole = _weighed(nominal, rigid, fitted, covered, chosen, tell)
+        still = without_base_effects(nominal, used, along, base)
+        rigid = behind_gears(nominal, still, along, yielding(robot, gap))
+        searched = () if base is None else base.searched
+        whole = _weighed(nominal, rigid, fitted, covered, chosen, searched, tell)
     if gap is not None:
         whole = with_transmission(whole, gap, robot)
+    if base is not None:
+        whole = with_base(whole, base, nominal)
     lacking = [joint.name for joint in covered.joints if joint.reason is not None]
     whole = judged(whole, nominal, lacking)
     open_ = (*whole.diagnosis.could_not_tell, *left_aside(robot, given))
@@ -92,7 +99,13 @@ def diagnose(
 
 
 def _weighed(
-    robot: Robot, used: Sequence[Recording], fitted: int, covered: Coverage, options: Options, tell: Said
+    robot: Robot,
+    used: Sequence[Recording],
+    fitted: int,
+    covered: Coverage,
+    options: Options,
+    searched: Collection[str],
+    tell: Said,
 ) -> Result:
     """The diagnosis of the torques, compared with the standard model."""
     try:
@@ -102,6 +115,7 @@ def _weighed(
             used[fitted:],
             cutoff=options.cutoff,
             experiments=options.seed if options.experiments else None,
+            searched=searched,
             progress=tell,
         )
     except np.linalg.LinAlgError:

@@ -30,6 +30,8 @@ WIDTH = 0.5
 
 def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
     """Prior mean and standard deviation of a parameter; None where only the recordings determine its size."""
+    if parameter.name in term.effect.priors:
+        return term.effect.priors[parameter.name]
     known = credible_range(term.effect.id, parameter.name, term.at)
     if known is not None:
         return 0.0, WIDTH * max(-known.low, known.high)

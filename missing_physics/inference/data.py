@@ -21,7 +21,7 @@ from missing_physics.standard.layout import Layout
 from missing_physics.standard.normal import Normal, Places, acting, total_of
 from robot_model import Robot
 
-__all__ = ["HELD_OUT", "Block", "Columns", "Data", "blocks_of", "held_out_windows"]
+__all__ = ["HELD_OUT", "MANY", "Block", "Columns", "Data", "blocks_of", "held_out_windows"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -177,6 +177,11 @@ class Data(ABC):
     @property
     def delays(self) -> tuple[str, ...]:
         """Names of the further delays of single channels."""
+        return ()
+
+    @property
+    def further(self) -> tuple[str, ...]:
+        """Names of parameters that the robot file states beside those of joints and bodies."""
         return ()
 
     @property

@@ -151,7 +151,7 @@ def filable(data: Data) -> tuple[str, ...]:
         if free and name.rpartition(".")[2] in OF_JOINTS and name.split(".")[0] in data.joints
     )
     bodies = any(layout.free[place].any() for place in layout.bodies)
-    return (*own, BODIES) if bodies else own
+    return (*own, *data.further, BODIES) if bodies else (*own, *data.further)
 
 
 def prior(data: Data, fit: Fit) -> float:

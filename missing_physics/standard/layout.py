@@ -15,7 +15,7 @@ from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.beam_numbers import BEAM_NUMBERS
 from robot_model import Robot
 
-__all__ = ["Layout", "length_of"]
+__all__ = ["Layout", "bodies_of", "is_known", "length_of"]
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class Layout:
         kinds = [f"{joint}.{kind}" for joint in model.joints for kind in FRICTION]
         names = (*model.inertial_names, *kinds)
         start = np.concatenate([nominal, np.zeros(len(kinds))])
-        bodies = _bodies(robot, nominal)
+        bodies = bodies_of(robot, nominal)
         for body, place in bodies.items():
             start[place] = solid(nominal[place], length_of(robot, body))
         slides = np.any([r.counted.any(axis=0) for r in rows], axis=0)
@@ -71,7 +71,7 @@ class Layout:
             size[place] = sizes(start[place])
         free = np.zeros(len(names), dtype=bool)
         for place in bodies.values():
-            free[place] = [not _known(robot, name) for name in names[place]]
+            free[place] = [not is_known(robot, name) for name in names[place]]
         rotors = COUNT * len(body_names(robot))
         moved = np.any([r.measured.any(axis=0) for r in rows], axis=0)
         driven = np.array(_driven(robot)) & moved
@@ -85,10 +85,10 @@ class Layout:
             size[rotors + k] = torque[k] / felt[k]
             size[own] = torque[k] / speed[k], torque[k], torque[k]
             free[own] = slides[k]
-            free[rotors + k] = slides[k] and driven[k] and not _known(robot, f"{name}.reflected_inertia")
+            free[rotors + k] = slides[k] and driven[k] and not is_known(robot, f"{name}.reflected_inertia")
         beams = np.flatnonzero([name.split(".")[-1] in BEAM_NUMBERS for name in names])
         size[beams] = np.where(start[beams] > 0.0, start[beams], 1.0)
-        free[beams] = [start[i] > 0.0 and not _known(robot, names[i]) for i in beams]
+        free[beams] = [start[i] > 0.0 and not is_known(robot, names[i]) for i in beams]
         signed = np.array([name.endswith(".offset") for name in names])
         mine = np.array([not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))])
         mine[beams] = False
@@ -103,8 +103,8 @@ class Layout:
         return cls(names, start, free, places, estimated, positive, size, centre, size, scale, beams)
 
 
-def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:
-    """Indices of the ten parameters of each body with mass."""
+def bodies_of(robot: Robot, nominal: Array) -> dict[str, slice]:
+    """Indices of the ten parameters of each body with mass, among inertial numbers of shape (P,)."""
     total = sum(link.mass for link in robot.links)
     places = {name: slice(COUNT * b, COUNT * (b + 1)) for b, name in enumerate(body_names(robot))}
     return {name: place for name, place in places.items() if nominal[place.start] > MASSLESS * total}
@@ -116,7 +116,8 @@ def _rms(parts: Sequence[Array]) -> Array:
     return np.asarray(np.maximum(found, max(1e-9 * float(found.max()), 1e-12)))
 
 
-def _known(robot: Robot, name: str) -> bool:
+def is_known(robot: Robot, name: str) -> bool:
+    """Whether the robot file says that a number, or its body or joint, is exact."""
     return name in robot.known or name.split(".")[0] in robot.known
 
 

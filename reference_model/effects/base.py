@@ -145,6 +145,7 @@ class Effect(ABC):
         needs: channels (quantities) without which it cannot be seen.
         essential: parameters without which it means nothing; if empty, all that are absent at no value.
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
+        priors: mean and standard deviation of parameters of which something is known that no recording says.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
         along_motion: it has regressors along a recorded joint motion. A diagnosis does not search for effects
             without any; both engines simulate them.
@@ -167,6 +168,7 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]] = ()
     essential: ClassVar[tuple[str, ...]] = ()
     ordered: ClassVar[tuple[tuple[str, str], ...]] = ()
+    priors: ClassVar[Mapping[str, tuple[float, float]]] = {}
     is_event: ClassVar[bool] = False
     along_motion: ClassVar[bool] = True
 

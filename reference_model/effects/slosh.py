@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -16,8 +17,9 @@ __all__ = ["Slosh"]
 #: Name of the link that the liquid becomes, with a number from the second tank on.
 NAME = "slosh"
 
-#: Starting frequencies [Hz]: surface tension alone, and a tank under slight acceleration.
-FREQUENCIES = (0.05, 0.3, 1.0)
+#: Highest starting frequency [Hz]: liquids in tanks of decimetres under slight acceleration, or held by
+#: surface tension alone, are slower.
+HIGHEST = 1.5
 
 #: Starting mass, small beside most bases [kg].
 MASS = 1.0
@@ -55,6 +57,12 @@ class Slosh(StructureEffect):
     )
     essential = ("frequency",)
     needs = ("angular_velocity",)
+    #: A tank is within the base, whose frame is about in its middle; liquids of low viscosity in tanks
+    #: without baffles have damping ratios of 0.005 to 0.05 (NASA SP-106, ch. 4).
+    priors: ClassVar[Mapping[str, tuple[float, float]]] = {
+        **dict.fromkeys(("x", "y", "z"), (0.0, 0.5)),
+        "damping_ratio": (0.02, 0.05),
+    }
 
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
         if p["mass"] == 0:
@@ -75,10 +83,12 @@ class Slosh(StructureEffect):
         )
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        """Frequencies apart by what a recording tells apart: a quarter of a period over its length."""
         damping, place = self.parameter("damping_ratio").typical, dict.fromkeys("xyz", 0.0)
+        apart = 0.25 / max(extent.duration, 1.0)
         return tuple(
-            {"mass": MASS, "frequency": frequency, "damping_ratio": damping, **place}
-            for frequency in FREQUENCIES
+            {"mass": MASS, "frequency": float(frequency), "damping_ratio": damping, **place}
+            for frequency in apart * np.arange(1, max(int(HIGHEST / apart), 1) + 1)
         )
 
 

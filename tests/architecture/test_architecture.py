@@ -136,7 +136,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
 }
 
 #: Rooms of the diagnosis, from recorded data upwards: each may import those before it.
-DIAGNOSIS = ("motion", "dynamics", "known", "coverage", "comparison", "gear", "gear_file")
+DIAGNOSIS = ("motion", "dynamics", "known", "coverage", "comparison", "gear", "gear_file", "base")
 KNOWS |= {
     f"missing_physics.diagnosis.{room}": (
         *KNOWS["missing_physics.diagnosis"],

@@ -60,6 +60,16 @@ class MotionDynamics:
         self._base, self._inner = model.reconstruct_passive(motion.time, *self._state)
 
     @property
+    def base(self) -> BaseMotion | None:
+        """Motion of a free base after a start from rest; None for a fixed one."""
+        return self._base
+
+    @property
+    def inner(self) -> InnerMotion | None:
+        """Motion of flexible links that start undeformed and at rest; None for rigid ones."""
+        return self._inner
+
+    @property
     def _passive(self) -> _Passive:
         return {"base": self._base, "inner": self._inner}
 

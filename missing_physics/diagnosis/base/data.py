@@ -1,0 +1,191 @@
+"""Rows of the gyros of a free base, to which hypotheses are fitted as they are to rows of torques.
+
+A recording says itself where its gyros have their zeros, and how links vibrate at its start. The angular
+momentum with which it begins is a number of the standard model, zero in the robot file; a recording that is
+held out, or left out as a fold, says it itself too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.base.bodies import MOMENTUM, bodies_column, layout_of, momentum_names
+from missing_physics.diagnosis.base.candidates import candidates
+from missing_physics.diagnosis.base.columns import BaseColumns
+from missing_physics.diagnosis.base.rates import Rates
+from missing_physics.evaluation.response import Vibration
+from missing_physics.hypotheses import Candidate, Hypothesis
+from missing_physics.inference.data import MANY, Data, blocks_of
+from missing_physics.plausibility.table import INERTIAL_CHANGE
+from missing_physics.standard import MODEL_ERROR
+from robot_model import Robot
+
+__all__ = ["BaseData"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BaseData(Data):
+    """Rows of rates, one channel for each gyro.
+
+    Attributes:
+        nominal_robot: whose base turns.
+        runs: rates of each recording, the fitted ones first.
+        quiet: what each recording says itself, as what is removed from its rows.
+        masks: which rows of each recording are compared, shape (K, m) each.
+        targets: what the parameters predict, shape (K, m) each [rad/s].
+        error_rms: see `error`.
+    """
+
+    nominal_robot: Robot
+    runs: tuple[Rates, ...]
+    quiet: tuple[Vibration, ...]
+    masks: tuple[Mask, ...]
+    targets: tuple[Array, ...]
+    error_rms: Array
+    _begun: dict[tuple[object, ...], tuple[list[Array], list[Candidate]]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    @classmethod
+    def of(cls, runs: Sequence[Rates], fitted: int) -> Self:
+        """The rows of rates; a quarter of each recording is held out where none is.
+
+        Args:
+            runs: rates of each recording.
+            fitted: how many of them are fitted.
+        """
+        about = np.concatenate(
+            [own.reduce(own.measured - own.measured.mean(axis=0)) for own in runs[:fitted]]
+        )
+        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), 1e-15)
+        error = MODEL_ERROR * size
+        noise = np.sqrt(np.mean([own.noise**2 for own in runs], axis=0))
+        begun = fitted if fitted < MANY else 0
+        layout = layout_of(runs, begun)
+        masks = tuple(own.covered for own in runs)
+        quiet, targets, designs = [], [], []
+        filed = layout.start.copy()
+        filed[: runs[0].dynamics.model.inertial.size] = runs[0].dynamics.model.inertial
+        for i, (own, mask) in enumerate(zip(runs, masks)):
+            momenta = own.rows(own.floating.turned(own.floating.kept(np.eye(3))))
+            nuisance = [np.broadcast_to(np.eye(size.size), (*mask.shape, size.size)), own.vibration]
+            nuisance += [] if i < begun else [momenta]
+            weight = mask / (noise**2 + error**2)
+            removed = Vibration.of(np.concatenate(nuisance, axis=2) * mask[:, :, None], weight)
+            bodies = bodies_column(own)
+            design = np.zeros((*mask.shape, filed.size))
+            design[:, :, : bodies.shape[2]] = bodies
+            design[:, :, ~layout.free] = 0.0
+            if i < begun:
+                places = [layout.names.index(name) for name in momentum_names(i)]
+                design[:, :, places] = momenta
+            design = removed.removed(design * mask[:, :, None])
+            left = own.reduce(own.measured - own.predicted)
+            quiet.append(removed)
+            designs.append(design)
+            targets.append(removed.removed(left * mask) + design @ filed)
+        return cls(
+            layout=layout,
+            filed=filed,
+            designs=tuple(designs),
+            blocks=blocks_of(masks, fitted),
+            size=size,
+            nominal_robot=runs[0].dynamics.model.robot,
+            runs=tuple(runs),
+            quiet=tuple(quiet),
+            masks=masks,
+            targets=tuple(targets),
+            error_rms=error,
+        )
+
+    @property
+    def robot(self) -> Robot:
+        """The nominal robot."""
+        return self.nominal_robot
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The gyros: no joint has them."""
+        return self.runs[0].channels
+
+    @cached_property
+    def terms(self) -> BaseColumns:
+        """Columns of terms along the recordings."""
+        return BaseColumns(self.runs, self.quiet, self.masks)
+
+    @property
+    def error(self) -> Array:
+        """That of any model [rad/s], shape (m,)."""
+        return self.error_rms
+
+    @cached_property
+    def noise(self) -> Array:
+        """rms that noise of gyros and encoders leaves [rad/s], shape (m,)."""
+        return np.sqrt(np.mean([own.noise**2 for own in self.runs], axis=0))
+
+    @property
+    def independent(self) -> float:
+        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
+        low_pass = self.runs[0].low_pass
+        return min(1.0, 2.0 * low_pass.cutoff * low_pass.stride / low_pass.rate)
+
+    @property
+    def width(self) -> float:
+        """Relative width of the prior of bodies that differ from the file: CAD lacks cables and screws."""
+        return INERTIAL_CHANGE
+
+    @property
+    def further(self) -> tuple[str, ...]:
+        """Momenta with which recordings begin: zero by the robot file, whose base starts at rest."""
+        return tuple(name for name in self.layout.names if name.startswith(MOMENTUM))
+
+    @property
+    def start(self) -> Array:
+        """The robot file's bodies, made solid, and no momentum, shape (X,)."""
+        return self.layout.start
+
+    @property
+    def sigma(self) -> Array:
+        """rms of each gyro about its mean [rad/s], shape (m,)."""
+        return self.size
+
+    def time(self, run: int) -> Array:
+        """Of the rows of one recording [s], shape (K,)."""
+        return self.runs[run].time
+
+    def counted(self, run: int) -> Mask:
+        """Where the gyros were recorded without a gap, shape (K, m)."""
+        return self.masks[run]
+
+    def target(self, run: int) -> Array:
+        """Rates less those by the robot file, plus the derivatives by its numbers times these, (K, m)."""
+        return self.targets[run]
+
+    def nominal(self, run: int) -> Array:
+        """What the parameters' values in the robot file predict, shape (K, m)."""
+        return np.asarray(self.designs[run] @ self.filed)
+
+    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
+        """What may be added to a hypothesis: starts are chosen about the bodies of the robot file.
+
+        Those of a hypothesis without an effect have moved to make up for it.
+        """
+        seen = [self.rows_seen(i)[:, None] for i in range(self.fitted)]
+        moved = [design @ (numbers - self.filed) for design in self.designs]
+        wanted = [own + np.where(rows, more, 0.0) for own, rows, more in zip(left, seen, moved)]
+        key = tuple((term.key, term.values, term.added) for term in hypothesis.terms)
+        known = self._begun.get(key)
+        if known is None or not all(np.allclose(a, b) for a, b in zip(known[0], wanted)):
+            runs = self.runs[: self.fitted]
+            every = candidates(runs, hypothesis.terms, wanted, seen, self.terms, self.error)
+            self._begun[key] = known = wanted, list(every)
+        return known[1]

@@ -1,0 +1,177 @@
+"""How a free base turns where momentum or forces differ a little from those of the robot as described.
+
+Momentum of base, links and modes of links that bend is M_bb t + M_bm qd + M_bs xd, with the base's twist t.
+Nothing from outside acts on it, so that the base turns by M_bb^-1 (P - M_bs xd) more where a momentum P is
+added to it and modes move by xd more. P keeps its direction among the stars, so that its share along the
+base's axes follows from how the base turned, which its gyros say. Modes answer by the trapezoidal rule to
+
+    (M_ss - M_sb M_bb^-1 M_bs) a + C v + K x = f_s - M_sb M_bb^-1 f_b.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Floating", "vibrating"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Floating:
+    """Base and modes along one motion; G instants, n joints, s modes.
+
+    Attributes:
+        time: uniform [s], shape (G,).
+        rotation: base to inertial axes, shape (G, 3, 3).
+        mass: matrix along the motion, rows [base, joints, modes], shape (G, 6 + n + s, 6 + n + s).
+        stiffness, damping: of the modes, shape (s, s), or (G, s, s) where it changes.
+    """
+
+    time: Array
+    rotation: Array
+    mass: Array
+    stiffness: Array
+    damping: Array
+
+    @property
+    def step(self) -> float:
+        """Time between instants [s]."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def modes(self) -> slice:
+        """Rows of the modes."""
+        return slice(self.mass.shape[1] - len(self.stiffness), self.mass.shape[1])
+
+    @property
+    def centre(self) -> Array:
+        """Centre of mass in the base's frame [m], shape (G, 3): rotation couples with the base's force so."""
+        weight = self.mass[:, 0, 0]
+        lever = self.mass[:, :3, 3:6] / weight[:, None, None]  # -m [c x]
+        return np.stack([lever[:, 1, 2], lever[:, 2, 0], lever[:, 0, 1]], axis=1)
+
+    def turned(self, momentum: Array) -> Array:
+        """Angular rates that a momentum makes, base axes.
+
+        Args:
+            momentum: [linear; angular] about the base's origin [N s, N m s], shape (G, 6, C).
+
+        Returns:
+            [rad/s], shape (G, 3, C).
+        """
+        return np.asarray(np.linalg.solve(self.mass[:, :6, :6], momentum)[:, 3:])
+
+    def kept(self, momentum: Array) -> Array:
+        """Momentum along the base's axes about its origin of one that is constant, shape (G, 6, C).
+
+        Args:
+            momentum: angular, about the centre of mass, in inertial axes [N m s], shape (3, C).
+        """
+        along = self.rotation.transpose(0, 2, 1) @ momentum
+        return np.concatenate([np.zeros_like(along), along], axis=1)
+
+    def gathered(self, force: Array) -> Array:
+        """Momentum that a force gives to all bodies since the first instant, shape (G, 6, C).
+
+        Args:
+            force: [force; moment] about the base's origin in base axes [N, N m], shape (G, 6, C).
+        """
+        centre = self.centre[:, :, None]
+        linear = self.rotation @ force[:, :3]
+        moment = self.rotation @ (force[:, 3:] - np.cross(centre, force[:, :3], axis=1))
+        back = self.rotation.transpose(0, 2, 1)
+        linear, moment = (back @ _sum(part, self.step) for part in (linear, moment))
+        return np.concatenate([linear, moment + np.cross(centre, linear, axis=1)], axis=1)
+
+    def under(self, force: Array, forces_on_modes: Array | None = None) -> Array:
+        """Angular rates that forces on base and modes make from rest [rad/s], shape (G, 3, C).
+
+        Args:
+            force: on the base as in `gathered`.
+            forces_on_modes: shape (G, s, C); none act when left out.
+        """
+        momentum = self.gathered(force)
+        if self.stiffness.size:
+            on_modes = np.zeros((len(force), len(self.stiffness), force.shape[2]))
+            on_modes = on_modes if forces_on_modes is None else forces_on_modes
+            moving = self.vibration(on_modes - self.lever @ force)
+            momentum = momentum - self.mass[:, :6, self.modes] @ moving
+        return self.turned(momentum)
+
+    def shaken(self, forces_on_modes: Array) -> Array:
+        """Angular rates that forces within the robot make through its modes, shape (G, 3, C)."""
+        return self.turned(-self.mass[:, :6, self.modes] @ self.vibration(forces_on_modes))
+
+    @property
+    def lever(self) -> Array:
+        """M_sb M_bb^-1, shape (G, s, 6)."""
+        coupled = self.mass[:, :6, self.modes]
+        return np.asarray(np.linalg.solve(self.mass[:, :6, :6], coupled).transpose(0, 2, 1))
+
+    @property
+    def inertia(self) -> Array:
+        """Of the modes with the base free, shape (G, s, s)."""
+        rows = self.modes
+        return np.asarray(self.mass[:, rows, rows] - self.lever @ self.mass[:, :6, rows])
+
+    def vibration(self, force: Array) -> Array:
+        """Rates of the modes under forces with the base free, from rest, shape (G, s, C)."""
+        return vibrating(self.inertia, self.stiffness, self.damping, force, self.step)[1]
+
+    def free_vibration(self) -> Array:
+        """Angular rates while modes swing that are deflected, or moving, at the start, shape (G, 3, 2 s).
+
+        Deflections are one, rates the mode's frequency.
+        """
+        count = len(self.stiffness)
+        inertia = self.inertia
+        frequency = np.sqrt(np.diag(self.stiffness) / np.diag(inertia[len(inertia) // 2]))
+        begin = np.hstack([np.eye(count), np.zeros((count, count))])
+        moving = np.hstack([np.zeros((count, count)), np.diag(frequency)])
+        still = np.zeros((len(inertia), count, 2 * count))
+        swing = vibrating(inertia, self.stiffness, self.damping, still, self.step, (begin, moving))
+        return self.turned(-self.mass[:, :6, self.modes] @ swing[1])
+
+
+def vibrating(
+    inertia: Array,
+    stiffness: Array,
+    damping: Array,
+    force: Array,
+    step: float,
+    start: tuple[Array, Array] | None = None,
+) -> tuple[Array, Array]:
+    """Deflections and rates under forces by the trapezoidal rule, shape (G, ..., s, C) each.
+
+    Args:
+        inertia: shape (G, ..., s, s), with further systems side by side.
+        stiffness, damping: shape (..., s, s) or (G, ..., s, s).
+        force: shape (G, ..., s, C).
+        step: time between instants [s].
+        start: deflection and rate at the first one, shape (..., s, C) each; zero when left out.
+    """
+    damping, stiffness = (np.broadcast_to(part, inertia.shape) for part in (damping, stiffness))
+    solver = np.linalg.inv(inertia + step / 2 * damping + step**2 / 4 * stiffness)
+    place, rate = (np.zeros_like(force[0]) for _ in range(2)) if start is None else start
+    acceleration = np.linalg.solve(inertia[0], force[0] - damping[0] @ rate - stiffness[0] @ place)
+    places, rates = np.empty_like(force), np.empty_like(force)
+    places[0], rates[0] = place, rate
+    for k in range(1, len(force)):
+        place = place + step * rate + step**2 / 4 * acceleration
+        rate = rate + step / 2 * acceleration
+        acceleration = solver[k] @ (force[k] - damping[k] @ rate - stiffness[k] @ place)
+        place = place + step**2 / 4 * acceleration
+        rate = rate + step / 2 * acceleration
+        places[k], rates[k] = place, rate
+    return places, rates
+
+
+def _sum(values: Array, step: float) -> Array:
+    """Integral over time from the first instant by the trapezoidal rule, shape as `values`."""
+    found = np.zeros_like(values)
+    np.cumsum(step / 2 * (values[1:] + values[:-1]), axis=0, out=found[1:])
+    return found

@@ -1,0 +1,155 @@
+"""Diagnosis of what turns a free base: its gyros compared with hypotheses as torques are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from missing_physics.answer.answer import dismissed, rung
+from missing_physics.answer.locate import BEYOND_NOISE, p_value_of
+from missing_physics.checks.gyros import gyro_channels
+from missing_physics.diagnosis.base.candidates import on_board
+from missing_physics.diagnosis.base.data import BaseData
+from missing_physics.diagnosis.base.findings import (
+    channel_fits,
+    findings_of,
+    left_by,
+    series_of,
+    stated_terms,
+)
+from missing_physics.diagnosis.base.rates import Rates
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.hypotheses import BODIES, Term
+from missing_physics.inference import Fit, search, weighed
+from missing_physics.inference.fit import residuals
+from missing_physics.results.comparison import AT_NOISE
+from missing_physics.results.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
+from robot_model import Recording, Robot
+
+__all__ = ["BaseResult", "diagnose_base"]
+
+#: Rows of which anything can be said: fewer than independent samples for the numbers of one body.
+FEWEST = 40
+TURNED = (
+    "The base does not turn as the joints' motion and conservation of momentum demand: something on board "
+    "moves, something outside the robot acts on it, or bodies differ from the robot file's."
+)
+
+
+@dataclass(frozen=True)
+class BaseResult:
+    """What the gyros of a free base say.
+
+    Attributes:
+        mismatch: one for each gyro that the robot file does not predict; shares are parts of the whitened
+            energy of all gyros.
+        findings: named causes.
+        terms: the effects that they are, as fitted.
+        fit: errors by channel `base.angular_velocity.AXIS`, with the zero of each gyro free.
+        could_not_tell: sentences.
+        ladder: every cause that was weighed.
+        searched: ids of the effects on board that were compared.
+        series: measured rates, the robot file's, and those of the file with what was named.
+    """
+
+    mismatch: tuple[Mismatch, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    terms: tuple[Term, ...] = ()
+    fit: dict[str, ChannelFit] = field(default_factory=dict)
+    could_not_tell: tuple[str, ...] = ()
+    ladder: tuple[Rung, ...] = ()
+    searched: tuple[str, ...] = ()
+    series: tuple[ChannelSeries, ...] = ()
+
+
+def diagnose_base(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    fitted: int,
+    *,
+    along: Sequence[MotionDynamics],
+    progress: Callable[[str], None] | None = None,
+) -> BaseResult | None:
+    """Name what makes a free base turn otherwise than momentum demands.
+
+    Args:
+        robot: the nominal robot.
+        recordings: those that are fitted first; a quarter of each is held out where there are no others.
+        fitted: how many are fitted.
+        along: motion and dynamics of each recording.
+        progress: called with a phrase whenever something new is tried.
+
+    Returns:
+        None for a fixed base, and where no gyro is in all recordings.
+    """
+    channels = gyro_channels(robot, recordings)
+    runs = [Rates(*each, channels) for each in zip(along, recordings)]
+    if not channels or min(run.time.size for run in runs) < FEWEST:
+        return None
+    if progress:
+        progress("weighing what turns the base")
+    found = search(BaseData.of(runs, fitted), progress)
+    known = weighed(found)
+    data, fit = found.data, known.answer
+    findings = findings_of(found, known)
+    terms = stated_terms(fit, findings)
+    return BaseResult(
+        mismatch=tuple(_located(data, fit)),
+        findings=findings,
+        terms=terms,
+        fit=dict(channel_fits(data, fit, terms)),
+        could_not_tell=(*_open_questions(data, fit, terms), *dismissed(found, findings)),
+        searched=tuple(effect.id for effect in on_board()),
+        ladder=tuple(rung(found, step) for step in found.steps),
+        series=tuple(series_of(data, fit, terms)),
+    )
+
+
+def _located(data: BaseData, fit: Fit) -> Iterator[Mismatch]:
+    """Gyros that the robot file does not predict, largest share first."""
+    fitted = range(data.fitted)
+    rows = [data.rows_seen(i)[:, None] & data.counted(i) for i in fitted]
+    left = [left_by(data, fit, (), i) for i in fitted]
+    floor = np.maximum(np.hypot(data.noise, data.error), 1e-300)
+    parts = [
+        np.concatenate([own[which[:, k], k] for own, which in zip(left, rows)]) for k in range(floor.size)
+    ]
+    beyond = np.array([np.mean(part**2) for part in parts]) / floor**2
+    for k in np.argsort(-beyond):
+        p_value, share = p_value_of(parts[k], float(floor[k])), beyond[k] / max(float(beyond.sum()), 1e-300)
+        if p_value < BEYOND_NOISE:
+            rms = float(np.sqrt(np.mean(parts[k] ** 2)))
+            words = (
+                f"base: {data.joints[k]} differs by {rms:.3g} rad/s rms from what the robot file predicts, "
+                f"where noise and the error of any model make {floor[k]:.2g} rad/s. {TURNED}"
+            )
+            yield Mismatch("base", data.joints[k], float(share), p_value, words=words)
+
+
+def _open_questions(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterator[str]:
+    """What gyros leave open."""
+    yield (
+        "base: the zero of each gyro was left free: a constant rate of the base and an error of its sensor "
+        "look the same."
+    )
+    started = sorted(set(data.further) - fit.hypothesis.filed)
+    if started:
+        runs = sorted({1 + int(name.rsplit(" ", 1)[1]) for name in started})
+        yield (
+            f"base: it turned already at the start of recording {', '.join(map(str, runs))}, which no robot "
+            "file holds: its prediction starts at rest."
+        )
+    floor = np.hypot(data.noise, data.error)
+    rows = [data.rows_seen(i) for i in range(data.fitted)]
+    file = np.concatenate([left_by(data, fit, terms, i)[own] for i, own in enumerate(rows)])
+    free = np.concatenate([residuals(data, fit, i)[own] for i, own in enumerate(rows)])
+    with_file, with_fit = (np.sqrt(np.mean((part / floor) ** 2)) for part in (file, free))
+    if with_file > AT_NOISE * max(with_fit, 1.0):
+        how = "within 10 %" if BODIES in fit.hypothesis.filed else "by more than 10 %"
+        yield (
+            f"base: masses, centres or inertias that differ {how} from the robot file's would predict its "
+            f"gyros {with_file / with_fit:.2g} times better; which of them do, they cannot tell, and the "
+            "robot file keeps its own."
+        )

@@ -1,0 +1,109 @@
+"""What an effect that pushes on the base does along a known motion of the base."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.codegen.batched import Batched
+from reference_model.effects.body_force import BodySignals, ForceEffect
+from reference_model.kinematics.spatial import rotation_from_rpy
+from robot_model import Robot
+
+__all__ = ["BaseSignals", "ForceAlong"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BaseSignals:
+    """How the base moves, N samples.
+
+    Attributes:
+        time: [s], shape (N,).
+        position: of the base's frame in the inertial one [m], shape (N, 3).
+        rotation: base to inertial axes, shape (N, 3, 3).
+        velocity: inertial, [linear; angular] in base axes [m/s, rad/s], shape (N, 6).
+    """
+
+    time: Array
+    position: Array
+    rotation: Array
+    velocity: Array
+
+    @property
+    def rows(self) -> Array:
+        """Side by side, rotations column by column, shape (N, 19)."""
+        flat = self.rotation.transpose(0, 2, 1).reshape(len(self.time), 9)
+        return np.column_stack([self.time, self.position, flat, self.velocity])
+
+
+class ForceAlong:
+    """An effect at the base, along a motion of the base that is known.
+
+    Args:
+        effect: catalogue entry; its equations are built once for each place of a base and kept.
+        robot: whose base it pushes.
+    """
+
+    def __init__(self, effect: ForceEffect, robot: Robot) -> None:
+        self.effect = effect
+        home = (*robot.base.position, *rotation_from_rpy(robot.base.rpy).ravel())
+        self._force, self._step = _formulas(effect, tuple(map(float, home)))
+
+    def wrench(self, signals: BaseSignals, parameters: Mapping[str, float]) -> Array:
+        """[force; moment] on the base about its frame's origin, base axes [N, N m], shape (N, 6).
+
+        States of the effect are integrated by the classical Runge-Kutta method, signals linear between
+        samples.
+        """
+        p = {**self.effect.defaults(), **parameters}
+        if not self.effect.acts(p):
+            return np.zeros((len(signals.time), 6))
+        values = [p[parameter.name] for parameter in self.effect.parameters]
+        constants, rows = np.array([*values, *self.effect.point(p)], dtype=float), signals.rows
+        states = np.zeros((len(rows), 0))
+        if self.effect.states:
+            first, steps = np.array(self.effect.initial_state(p), dtype=float), len(rows) - 1
+            spans = np.hstack([rows[:-1], rows[1:]]).T
+            march = self._step.mapaccum(steps)
+            rest = march(first, spans, np.tile(constants[:, None], steps)).full().T
+            states = np.vstack([first[None], rest])
+        return np.asarray(self._force(rows, states, constants)[0])
+
+
+@lru_cache(maxsize=16)
+def _formulas(effect: ForceEffect, home: tuple[float, ...]) -> tuple[Batched, ca.Function]:
+    """[row, states, constants] -> wrench; state, rows at both ends, constants -> state one interval later."""
+    count = len(effect.parameters)
+    row, states, constants = ca.SX.sym("s", 19), ca.SX.sym("z", effect.states), ca.SX.sym("c", count + 3)
+    p = {parameter.name: constants[k] for k, parameter in enumerate(effect.parameters)}
+    arm, frame = constants[count:], (np.array(home[:3]), np.array(home[3:]).reshape(3, 3))
+
+    def signals(of: ca.SX) -> BodySignals:
+        time, position, flat, linear, angular = ca.vertsplit(of, [0, 1, 4, 13, 16, 19])
+        rotation = ca.reshape(flat, 3, 3)
+        moved = ca.vertcat(linear + ca.cross(angular, arm), angular)
+        return BodySignals(time, position + rotation @ arm, rotation, moved, *frame)
+
+    pushed = effect.wrench(signals(row), p, states)
+    about = ca.vertcat(pushed[:3], pushed[3:] + ca.cross(arm, pushed[:3]))
+    force = ca.Function("wrench", [row, states, constants], [ca.densify(about)], {"cse": True})
+    ends = ca.SX.sym("e", 38)
+    first, last = ca.vertsplit(ends, 19)
+    h, middle = last[0] - first[0], (first + last) / 2
+
+    def rate(at: ca.SX, z: ca.SX) -> ca.SX:
+        return effect.state_rate(signals(at), p, z)
+
+    k1 = rate(first, states)
+    k2 = rate(middle, states + h / 2 * k1)
+    k3 = rate(middle, states + h / 2 * k2)
+    k4 = rate(last, states + h * k3)
+    later = ca.densify(states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+    return Batched(force), ca.Function("step", [states, ends, constants], [later], {"cse": True})
