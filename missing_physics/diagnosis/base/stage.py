@@ -148,8 +148,9 @@ def _open_questions(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterat
     with_file, with_fit = (np.sqrt(np.mean((part / floor) ** 2)) for part in (file, free))
     if with_file > AT_NOISE * max(with_fit, 1.0):
         how = "within 10 %" if BODIES in fit.hypothesis.filed else "by more than 10 %"
+        better = with_file / max(with_fit, 1.0)
         yield (
             f"base: masses, centres or inertias that differ {how} from the robot file's would predict its "
-            f"gyros {with_file / max(with_fit, 1.0):.2g} times better; which of them do, they cannot tell, and the "
+            f"gyros {better:.2g} times better; which of them do, they cannot tell, and the "
             "robot file keeps its own."
         )
