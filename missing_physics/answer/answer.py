@@ -164,7 +164,7 @@ def dismissed(found: Search[Any], findings: Sequence[Finding]) -> list[str]:
 
 def _not_searched() -> str:
     """Effects that no torque along the recorded motion shows."""
-    titles = [effect.title.lower() for effect in catalogue().values() if not effect.along_motion]
+    titles = [effect.title.lower() for effect in catalogue().values() if not effect.is_searched]
     return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
 
 
