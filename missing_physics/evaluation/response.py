@@ -83,7 +83,7 @@ class Response:
         """The response with other stiffness and damping of the modes, shape (s, s) each."""
         h = self.step
         change = h / 2 * (damping - self.damping) + h**2 / 4 * (stiffness - self.stiffness)
-        solver = np.linalg.inv(np.linalg.inv(self.solver) + change)
+        solver = np.asarray(np.linalg.inv(np.linalg.inv(self.solver) + change))
         return replace(self, solver=solver, stiffness=stiffness, damping=damping)
 
     def at_joints(self, rows: Array) -> Array:
