@@ -26,6 +26,7 @@ class ModalDamping(StructureEffect):
     place = "link"
     stage = 1
     reshapes = True
+    beam_number = "damping_ratio"
     parameters = (
         Parameter(
             "damping_ratio", "-", "added to the damping ratio of each mode", -0.99, 0.99, 0.01, absent=0.0

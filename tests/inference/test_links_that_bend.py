@@ -85,3 +85,38 @@ def test_a_load_at_the_tip_of_a_beam_adds_to_the_mass_there() -> None:
     assert loaded[tip] - data.start[tip] == pytest.approx(3.0)
     assert not data.is_near(loaded, data.start)
     assert data.about(loaded).is_near(loaded, data.about(loaded).about_numbers)
+
+
+@lru_cache
+def shaken(hidden: EffectUse | None, seed: int) -> Recording:
+    """The robot on a slow sine a joint and a fast one near the link's frequency of 2.3 Hz."""
+    robot = space_robot() if hidden is None else space_robot().with_effects(hidden)
+    joints = [
+        {
+            "joint": joint,
+            "kind": "multisine",
+            "amplitudes": [0.04, 0.002],
+            "frequencies": [slow, 2.0],
+            "ramp": 1.0,
+        }
+        for joint, slow in zip(("joint1", "joint2"), (0.15 + 0.05 * seed, 0.3))
+    ]
+    data = robot.model_dump(mode="python")
+    data["reference"] = {"duration": LENGTH, "sample_rate": 100.0, "joints": joints}
+    made = simulate(Robot.model_validate(data), seed=seed)
+    kept = [f"joint{k}.{quantity}" for k in (1, 2) for quantity in ("position", "torque")]
+    return Recording(made.time, {channel: made[channel] for channel in kept}, f"recording {seed}")
+
+
+@pytest.mark.parametrize("change", [0.02, -0.0015])
+def test_a_link_that_rings_down_faster_or_slower_has_another_damping(change: float) -> None:
+    """The file's modes have damping ratios of 0.002 and 0.005."""
+    hidden = EffectUse(effect="modal_damping", at="link2", damping_ratio=change)
+    found = diagnose(
+        space_robot(), [shaken(hidden, 1)], [shaken(hidden, 2)], options=Options(experiments=False)
+    ).diagnosis
+    assert [(f.effect, f.location) for f in found.findings] == [("modal_damping", "link2")]
+    estimate = found.findings[0].parameters["damping_ratio"]
+    low, high = estimate.ci95
+    assert low < change < high
+    assert high - low < abs(change)

@@ -197,7 +197,7 @@ def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple
         for i, k, own in zip(full, joints, run.reduce_each(joints, list(full.values()))):
             acts = np.array([k] if own.any() else [], dtype=int)
             found[i] = acts, own[:, None, :][:, : acts.size]
-    is_body = [isinstance(term.effect, BodyEffect) for term in terms]  # made of columns without vibration
+    is_body = [isinstance(term.effect, BodyEffect | StructureEffect) for term in terms]  # whitened already
     return [found[i] if own else _whitened(run, *found[i]) for i, own in enumerate(is_body)]
 
 

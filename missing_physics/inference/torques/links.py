@@ -3,6 +3,7 @@
 With the changed link, the motion of the modes that was found with the link of the robot file leaves forces in
 the equations of base, joints and modes. The modes answer them with the stiffness and damping that the change
 gives them; what that changes in the velocities beyond is neglected (`missing_physics.evaluation.response`).
+Where what changes is a number of a beam, the motion of the modes is integrated anew.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from missing_physics.hypotheses.term import Term
 from missing_physics.inference.torques.runs import Run
+from missing_physics.standard.prediction import Along
 from reference_model.dynamics.tree import flexible_bodies
 from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.model import RobotModel
@@ -46,14 +48,30 @@ class _Unit:
 
 
 def of_link(term: Term, effect: StructureEffect, run: Run) -> Array:
-    """Columns of an effect that reshapes a link, as `columns.columns_of` gives them, not yet whitened."""
+    """Columns of an effect that reshapes a link, as `columns.columns_of` gives them."""
     (p,) = effect.parameters
-    value, unit = term.parameters[p.name], _unit(run, effect, term.at)
-    whole = _felt(run, unit, value)
+    value = term.parameters[p.name]
     step = STEP * max(abs(value), p.typical)
-    slope = (_felt(run, unit, value + step) - whole) / step
+    number = f"{term.at}.{effect.beam_number}"
+    if number in run.model.inertial_names:
+        place = run.model.inertial_names.index(number)
+        whole, more = (_with_number(run, place, each) for each in (value, value + step))
+    else:
+        unit = _unit(run, effect, term.at)
+        whole, more = (_felt(run, unit, each) for each in (value, value + step))
+    slope = (more - whole) / step
     columns = [whole, slope] if term.free else [whole]
-    return run.reduce(np.stack(columns, axis=2))
+    found = run.rows.vibration.removed(run.reduce(np.stack(columns, axis=2)))
+    if number in run.model.inertial_names:
+        found[:, :, 0] += run.rows.inertial[:, :, place] * run.along.inertial[place]
+    return found
+
+
+def _with_number(run: Run, place: int, value: float) -> Array:
+    """What joints feel of another value of an inertial number than that of the linearisation, shape (N, n)."""
+    numbers = run.along.inertial.copy()
+    numbers[place] = value
+    return Along.of(run.model, run.motion, numbers).needed - run.along.needed
 
 
 def _felt(run: Run, unit: _Unit, value: float) -> Array:
