@@ -12,13 +12,15 @@ from reference_model.flexible.attached import attached
 from reference_model.flexible.body import FlexibleBody
 from robot_model import Beam
 
-__all__ = ["BEAM_NUMBERS", "BeamNumber", "beam_numbers", "beam_with"]
+__all__ = ["BEAM_NUMBERS", "POSITIVE", "BeamNumber", "beam_numbers", "beam_with"]
 
 Array = NDArray[np.float64]
 
 #: Mass of a beam [kg], its stiffness relative to the description [-], the mass at its tip [kg], and what is
 #: added to the damping ratio of every mode [-].
 BEAM_NUMBERS = ("beam_mass", "stiffness", "tip_mass", "damping_ratio")
+#: Those of them that are positive.
+POSITIVE = BEAM_NUMBERS[:3]
 #: Constants of a flexible body in proportion to its mass.
 HEAVY = (
     "mass",

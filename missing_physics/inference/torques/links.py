@@ -48,27 +48,29 @@ class _Unit:
 
 
 def of_link(term: Term, effect: StructureEffect, run: Run) -> Array:
-    """Columns of an effect that reshapes a link, as `columns.columns_of` gives them."""
+    """Columns of an effect that reshapes a link, as `columns.columns_of` gives them.
+
+    Where recordings are linearised about a number of a beam that the effect changes, they are linear in it.
+    """
     (p,) = effect.parameters
     value = term.parameters[p.name]
-    step = STEP * max(abs(value), p.typical)
     number = f"{term.at}.{effect.beam_number}"
-    if number in run.model.inertial_names:
-        place = run.model.inertial_names.index(number)
+    place = run.model.inertial_names.index(number) if number in run.model.inertial_names else None
+    if place is not None and run.along.inertial[place] != 0.0:
+        slope = run.rows.inertial[:, :, place]
+        return np.stack([slope * value, slope] if term.free else [slope * value], axis=2)
+    step = STEP * max(abs(value), p.typical)
+    if place is not None:
         whole, more = (_with_number(run, place, each) for each in (value, value + step))
     else:
         unit = _unit(run, effect, term.at)
         whole, more = (_felt(run, unit, each) for each in (value, value + step))
-    slope = (more - whole) / step
-    columns = [whole, slope] if term.free else [whole]
-    found = run.rows.vibration.removed(run.reduce(np.stack(columns, axis=2)))
-    if number in run.model.inertial_names:
-        found[:, :, 0] += run.rows.inertial[:, :, place] * run.along.inertial[place]
-    return found
+    columns = [whole, (more - whole) / step] if term.free else [whole]
+    return run.rows.vibration.removed(run.reduce(np.stack(columns, axis=2)))
 
 
 def _with_number(run: Run, place: int, value: float) -> Array:
-    """What joints feel of another value of an inertial number than that of the linearisation, shape (N, n)."""
+    """What joints feel of a number of a beam that is zero in the linearisation, shape (N, n)."""
     numbers = run.along.inertial.copy()
     numbers[place] = value
     return Along.of(run.model, run.motion, numbers).needed - run.along.needed
