@@ -85,6 +85,7 @@ def test_nothing_inside_a_free_robot_changes_its_momentum() -> None:
             np.testing.assert_allclose(momentum, momentum[0], atol=2e-5)
 
 
+@pytest.mark.proof
 def test_its_difference_falls_at_second_order() -> None:
     robot = free_robot()
     names = ("elbow.position", "boom.tip_deflection.y", "boom.tip_deflection.z", "shoulder.position")
