@@ -13,7 +13,7 @@ if "MISSING_PHYSICS_COMPILED" not in os.environ:
 
 # No test depends on elapsed time: machines are shared. A fixture's folder may serve all examples of a test.
 IGNORED = (HealthCheck.too_slow, HealthCheck.function_scoped_fixture)
-QUICK, THOROUGH = 25, 150
+QUICK, THOROUGH = 15, 150
 for name, examples in (("quick", QUICK), ("thorough", THOROUGH)):
     settings.register_profile(name, max_examples=examples, deadline=None, suppress_health_check=IGNORED)
 settings.load_profile("quick")  # `make proof` chooses the other one

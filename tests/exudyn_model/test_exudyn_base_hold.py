@@ -50,7 +50,7 @@ def largest(first: Recording, second: Recording, quantity: str) -> float:
 
 @pytest.mark.parametrize(
     "name",
-    quick_names(CONTROLLERS, "held and sampled", "held, friction fed forward", "pd, friction fed forward"),
+    quick_names(CONTROLLERS, "held and sampled", "held, friction fed forward"),
 )
 def test_the_engines_agree_in_closed_loop(name: str) -> None:
     robot = robot_with(CONTROLLERS[name])

@@ -139,6 +139,7 @@ def test_the_engines_agree_on_a_spherical_joint() -> None:
     assert largest(mine, theirs, ("velocity", "angular_velocity")) < 2e-3
 
 
+@pytest.mark.proof
 def test_exact_beams_meet_the_modes_as_elements_grow_in_number() -> None:
     gaps = []
     for elements in (4, 8):

@@ -144,7 +144,7 @@ def test_a_servos_back_emf_is_the_motors() -> None:
     assert difference(own, exact, "joint1.voltage", "joint1.torque") < 0.01
 
 
-@pytest.mark.parametrize("formulation", ["tree", "redundant"])
+@pytest.mark.parametrize("formulation", ["tree", pytest.param("redundant", marks=pytest.mark.proof)])
 def test_free_bases_carry_motors_too(formulation: Any) -> None:
     data = load_robot("six_joint_space_arm").model_dump()
     data["sensors"], data["effects"] = [], []
