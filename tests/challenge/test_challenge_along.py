@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from challenge_cases import ARM, AXIS, design, hiding
+from quick_ones import quick_places
 
 from exudyn_model import simulate
 from missing_physics.challenge.scoring.information import (
@@ -47,7 +48,7 @@ HIDDEN = [
 ]
 
 
-@pytest.mark.parametrize(("effect", "at", "number", "values"), HIDDEN, ids=[case[0] for case in HIDDEN])
+@pytest.mark.parametrize(("effect", "at", "number", "values"), quick_places(HIDDEN, 0, 2, 4))
 def test_parts_are_what_the_other_engine_adds(effect: str, at: str, number: int, values: dict) -> None:
     case = hiding(effect, at, number, **values)
     along = ArmAlong(case.nominal, motion_of(case.real))

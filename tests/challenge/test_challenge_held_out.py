@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from challenge_cases import ARM, AXIS, design, hiding, made
+from quick_ones import quick_names
 
 from missing_physics.challenge.cases.conditions import Conditions, TorqueRecord
 from missing_physics.challenge.cases.truth import Design
@@ -34,7 +35,7 @@ def errors(case: Concealed) -> dict[str, float]:
     return held_out_errors(case, robots, case.recordings[1])["joint1"]
 
 
-@pytest.mark.parametrize("kind", RECORDS)
+@pytest.mark.parametrize("kind", quick_names(RECORDS, "measured", "filtered"))
 def test_the_true_robot_leaves_noise_however_its_torque_was_logged(kind: str) -> None:
     case = recorded(hiding("viscous_friction", "joint1", coefficient=150.0), RECORDS[kind])
     found = errors(case)

@@ -91,7 +91,7 @@ def structure(effect: str) -> Callable[[Design], EffectUse]:
         pytest.param("base_motion", ARM, marks=pytest.mark.proof),
         pytest.param("contact", ARM, marks=pytest.mark.proof),
         pytest.param("modal_damping", BENT, marks=pytest.mark.proof),
-        ("slosh", BENT),
+        pytest.param("slosh", BENT, marks=pytest.mark.proof),
         pytest.param("reaction_wheel", BENT, marks=pytest.mark.proof),
     ],
 )
