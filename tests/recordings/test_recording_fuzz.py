@@ -32,7 +32,7 @@ from robot_model import InputError, OutOfMemoryError, Recording
 pytestmark = pytest.mark.fuzz
 
 #: Fewer examples where each is read by processes of its own.
-FEW = settings(max_examples=settings.default.max_examples // 8)
+FEW = settings(max_examples=settings.default.max_examples // 6)
 
 #: A table of text that is cut at the end of a row is a shorter table.
 BINARY = (".mat", ".npz", ".parquet", ".pq", ".json", ".h5", ".bag", ".mcap", ".db3")

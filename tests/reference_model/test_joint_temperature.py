@@ -158,6 +158,7 @@ def test_without_rates_nothing_changes() -> None:
     np.testing.assert_array_equal(reference(plain)["slide.position"], reference(still)["slide.position"])
 
 
+@pytest.mark.proof
 def test_a_fixed_step_carries_the_warming() -> None:
     heat = {"kind": "self_heating", "ambient": 250.0, "capacity": 2.0, "resistance": 5.0}
     robot = tempered(block(viscous(0.5), tilt=0.5, velocity=2.0), heat)

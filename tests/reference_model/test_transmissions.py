@@ -167,7 +167,7 @@ def hinge(effect: dict, *, coupled: bool) -> Robot:
 
 
 #: What Exudyn adds at a motor by different code; the rest of its effects are proofs.
-BY_EXUDYN = ("lugre_friction", "actuator_lag", "backlash")
+BY_EXUDYN = ("lugre_friction", "actuator_lag")
 
 
 @pytest.mark.parametrize(
