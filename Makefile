@@ -106,7 +106,6 @@ peers: $(PEERS)
 
 evidence: $(STAMP)
 	$(BIN)/python -m benchmarks.speed.long_recording
-	$(BIN)/python -m benchmarks.effects.null_cases
 	$(BIN)/python -m benchmarks.friction.study
 	$(BIN)/python -m benchmarks.machines.readme
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,8 @@ def read_robot(
     path = Path(robot)
     if not _exists(path) and str(robot) in shipped_robots():
         text = resources.files("robot_model").joinpath("library", f"{robot}.toml").read_text("utf-8")
+        if overlay is None:
+            return _shipped(text, str(robot)), ()
         return _from_toml(text, str(robot), overlay), ()
     if not _exists(path) or not path.is_file():
         if "://" in str(robot):
@@ -71,6 +74,12 @@ def read_robot(
         found, notes = _from_toml(toml_text(path, "robot"), str(robot), overlay), ()
     links = tuple(_beside(link, path) for link in found.links)
     return (found.model_copy(update={"links": links}) if links != found.links else found), notes
+
+
+@cache
+def _shipped(text: str, name: str) -> Robot:
+    """The robot of a file of the package, which is immutable, and read and checked once."""
+    return robot_from_toml(text, source=name)
 
 
 def _imported(path: Path, overlay: str | os.PathLike[str] | None) -> tuple[Robot, tuple[str, ...]]:

@@ -1,10 +1,7 @@
 """False findings: shipped robots, simulated with sensor noise and nothing missing, then diagnosed.
 
-    python -m benchmarks.effects.null_cases [--cases 40] [--unknown 10] [--first-seed 6000]
-        [--robots NAME,NAME] [--processes 2] [--out FILE]
-
-Some recordings are diagnosed a second time without their reference positions, which most real recordings
-lack.
+    python -m benchmarks.effects.null_cases [--cases 40] [--first-seed 6000] [--robots NAME,NAME]
+        [--processes 2] [--out FILE]
 
 Every case is kept in `reports/null_cases/`, which git ignores, so that an interrupted run goes on where it
 stopped; a case of other sources is done anew.
@@ -19,7 +16,7 @@ import multiprocessing
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from time import monotonic
@@ -37,7 +34,7 @@ COMMAND = "python -m benchmarks.effects.null_cases"
 PAGE = EVIDENCE / "null_cases.md"
 CASES = EVIDENCE.parent / "null_cases"
 #: Seeds of the scoring; development has used others, and 1000 to 1039 and 5000 to 5039 were scored before.
-FIRST_SEED, NUMBER, UNKNOWN = 6000, 40, 10
+FIRST_SEED, NUMBER = 6000, 40
 PROCESSES = 2
 #: Quantile of the standard normal for 95 % intervals.
 NORMAL_95 = 1.959964
@@ -47,17 +44,15 @@ INTRODUCTION = """\
 Each shipped robot runs its reference motion in the reference model with its own sensors' noise and
 resolution; then it is diagnosed with the very robot that was simulated. So every named effect is a false
 finding, and every verdict other than `consistent` is a false alarm. One recording per case, no validation
-recording: one stretch in four is held out. The seed draws the sensors' noise: seeds {first} to {last}."""
-DECIDED = """\
-The first {count} recordings of each robot were diagnosed once more without their reference positions, as if
-controller and reference were not known."""
+recording: two of its eight stretches are held out. The seed draws the sensors' noise: seeds {first} to
+{last}."""
 KEPT_APART = " They were kept for this count; development used others."
 #: What a case depends on; a case of other sources is done anew.
 PROGRAM = ("robot_model", "reference_model", "missing_physics")
 
 
-#: Robot, seed, and whether the reference is withheld.
-Key = tuple[str, int, bool]
+#: Robot and seed.
+Key = tuple[str, int]
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,6 @@ class Case:
 
     robot: str
     seed: int
-    unknown: bool
     program: str
     verdict: str
     named: tuple[str, ...]
@@ -74,14 +68,13 @@ class Case:
 
     @property
     def path(self) -> Path:
-        return _path(self.robot, self.seed, self.unknown)
+        return _path(self.robot, self.seed)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Diagnose what has not been diagnosed yet, then write the page."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="False findings where nothing is missing.")
     parser.add_argument("--cases", type=int, default=NUMBER, help="recordings of each robot")
-    parser.add_argument("--unknown", type=int, default=UNKNOWN, help="of these without references again")
     parser.add_argument("--processes", type=int, default=PROCESSES, help="at a time")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="seed of the first recording")
     parser.add_argument("--robots", default=",".join(shipped_robots()), help="names with commas between")
@@ -89,12 +82,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     robots = tuple(given.robots.split(","))
     seeds = range(given.first_seed, given.first_seed + given.cases)
-    unknown = seeds[: given.unknown]
-    keys = [(robot, seed, False) for robot in robots for seed in seeds]
-    keys += [(robot, seed, True) for robot in robots for seed in unknown]
+    keys = [(robot, seed) for robot in robots for seed in seeds]
     cases = run(keys, processes=given.processes)
     words = ["--cases", str(given.cases)] if given.cases != NUMBER else []
-    words += ["--unknown", str(given.unknown)] if given.unknown != UNKNOWN else []
     words += ["--first-seed", str(given.first_seed)] if given.first_seed != FIRST_SEED else []
     words += ["--robots", given.robots] if set(robots) != set(shipped_robots()) else []
     write_atomically(given.out, page(cases, command=" ".join([COMMAND, *words]), seeds=seeds))
@@ -110,19 +100,19 @@ def run(wanted: Sequence[Key], *, processes: int = PROCESSES) -> list[Case]:
         with context.Pool(min(processes, os.cpu_count() or 1)) as pool:
             for done, case in enumerate(pool.imap_unordered(_run, missing), start=1):
                 write_atomically(case.path, json.dumps(asdict(case), indent=1) + "\n")
-                known[case.robot, case.seed, case.unknown] = case
+                known[case.robot, case.seed] = case
                 print(f"\r{done} of {len(missing)}", end="", file=sys.stderr, flush=True)
         print(file=sys.stderr)
     return [known[key] for key in wanted]
 
 
-def _path(robot: str, seed: int, unknown: bool) -> Path:
-    return CASES / f"{robot}-{seed}{'-unknown' if unknown else ''}.json"
+def _path(robot: str, seed: int) -> Path:
+    return CASES / f"{robot}-{seed}.json"
 
 
-def _stored(robot: str, seed: int, unknown: bool) -> Case | None:
+def _stored(robot: str, seed: int) -> Case | None:
     """The case of an earlier run; None where there is none, or the program was another one."""
-    path = _path(robot, seed, unknown)
+    path = _path(robot, seed)
     if not path.is_file():
         return None
     content = json.loads(path.read_text("utf-8"))
@@ -143,16 +133,13 @@ def program() -> str:
 
 
 def _run(key: Key) -> Case:
-    name, seed, unknown = key
+    name, seed = key
     began = monotonic()
     robot = load_robot(name)
     recording = simulate(robot, seed=seed)
-    if unknown:
-        kept = {k: v for k, v in recording.channels.items() if not k.endswith(".reference_position")}
-        recording = replace(recording, channels=kept)
     diagnosis = diagnose(robot, [recording], options=Options(experiments=False)).diagnosis
     named = tuple(f"{f.effect} at {f.location} ({f.probability:.3g})" for f in diagnosis.findings)
-    return Case(name, seed, unknown, program(), diagnosis.verdict, named, monotonic() - began)
+    return Case(name, seed, program(), diagnosis.verdict, named, monotonic() - began)
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
@@ -168,22 +155,13 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
 
 def page(cases: Sequence[Case], *, command: str, seeds: range) -> str:
     """The whole page, in Markdown."""
-    known, unknown = ([case for case in cases if case.unknown == which] for which in (False, True))
     parts = [
         head("False findings where nothing is missing", command=command),
         INTRODUCTION.format(first=seeds[0], last=seeds[-1]) + (KEPT_APART if seeds[0] >= FIRST_SEED else ""),
-        _table(known),
-        _sentence(known),
-        "Every false alarm:\n\n" + told(list(_alarms(known))),
+        _table(cases),
+        _sentence(cases),
+        "Every false alarm:\n\n" + told(list(_alarms(cases))),
     ]
-    if unknown:
-        count = len({case.seed for case in unknown})
-        parts += ["## Without knowing controller and reference", DECIDED.format(count=count)]
-        parts += [
-            _table(unknown),
-            _sentence(unknown),
-            "Every false alarm:\n\n" + told(list(_alarms(unknown))),
-        ]
     return "\n\n".join(parts) + "\n"
 
 

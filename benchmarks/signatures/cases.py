@@ -149,6 +149,7 @@ _SENSOR: dict[str, Any] = {"kind": "error", "robot": _arm(), "at": "joint1.posit
 #: By effect.
 CASES: Mapping[str, Case] = {
     "viscous_friction": Case(**_BY_SPEED, values={"coefficient": 3.0}),
+    "quadratic_drag": Case(**_BY_SPEED, values={"coefficient": 1.0}),
     "coulomb_friction": Case(**_BY_SPEED, values={"torque": 3.0}),
     "stribeck_friction": Case(**_BY_SPEED, values=_DRY),
     "lugre_friction": Case(**_BY_SPEED, values={**_DRY, "bristle_stiffness": 2e3, "bristle_damping": 10.0}),
@@ -183,7 +184,7 @@ CASES: Mapping[str, Case] = {
         robot=_arm(gravity=(0.0, 0.0, 0.0)),
         at="link1",
         over="acceleration",
-        values={"inertia_yy": 0.05},
+        values={"inertia_yy": 0.04, "inertia_zz": 0.04},
     ),
     "gravity": Case(**{**_BY_PLACE, "at": "base"}, values={"x": 1.0}),
     "link_flexibility": Case(

@@ -148,7 +148,7 @@ def page(found: dict[str, Any], hidden: Sequence[str], *, seconds: float, sample
                 f"{seconds:g} s of `{ROBOT}` at {RATE:g} Hz, {samples} samples, recorded by the reference",
                 "model with the effects of its file; the robot that the diagnosis gets has none of them:",
                 f"{', '.join(hidden)}. The whole command as a user runs it: reading, the search for effects,",
-                "separating motions, report and rerun file. The machine's load at the end was",
+                "report and rerun file. The machine's load at the end was",
                 f"{load} (one-minute mean).",
             ),
             table(["", "measured:", "goal, at most:"], rows),

@@ -56,6 +56,11 @@ def _counts(answers: Sequence[Answer], robots: Sequence[Robot]) -> str:
     judged = [(found.machine, joint, e) for found in answers for joint, e in _joints(found)]
     ratios = [e["answer"] / e["standard"] for *_, e in judged if _positive(e["answer"], e["standard"])]
     behind = [f"{joint} of {name} ({ratio:.2f})" for name, joint, ratio in worse(answers)]
+    beyond = [
+        f"{joint} of {name} ({e['answer'] / e['nominal']:.2f})"
+        for name, joint, e in judged
+        if _positive(e["answer"], e["nominal"]) and e["answer"] > NO_WORSE * max(e["nominal"], e["noise"])
+    ]
     better = sum(ratio < CLEARLY for ratio in ratios)
     faults = sum(found.refused.startswith("FAULT") for found in answers)
     refused = sum(bool(found.refused) for found in answers) - faults
@@ -69,6 +74,8 @@ def _counts(answers: Sequence[Answer], robots: Sequence[Robot]) -> str:
         f"{len(ratios)} joints with an error of both the standard model and the answer: the answer is "
         f"worse than {NO_WORSE} times the standard model at {_listed(behind)}, better by more than 10 % at "
         f"{better}.",
+        f"Joints at which the answer is worse than {NO_WORSE} times the robot as described: "
+        f"{_listed(beyond)}.",
         f"Statements beyond what machines can be (`missing_physics.plausibility`): {_listed(odd)}.",
         f"Joints that could not be judged: {_listed(silent)}.",
     ]

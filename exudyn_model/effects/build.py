@@ -37,6 +37,7 @@ JOINT_LAWS: Mapping[str, type[JointLaw]] = MappingProxyType(
         "load_dependent_friction": friction.LoadDependentFriction,
         "position_dependent_friction": friction.PositionDependentFriction,
         "temperature_dependent_friction": friction.TemperatureDependentFriction,
+        "quadratic_drag": friction.QuadraticDrag,
         "cable_spring": loads.CableSpring,
         "end_stop": loads.EndStop,
         "external_torque": loads.ExternalTorque,

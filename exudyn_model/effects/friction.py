@@ -14,6 +14,7 @@ __all__ = [
     "LoadDependentFriction",
     "LuGreFriction",
     "PositionDependentFriction",
+    "QuadraticDrag",
     "StribeckFriction",
     "TemperatureDependentFriction",
     "ViscousFriction",
@@ -74,6 +75,16 @@ class ViscousFriction(Momentary):
 
     def force(self, now: Instant) -> float:
         return -self.coefficient * now.kinetic_factor * now.velocity
+
+
+@dataclass(frozen=True)
+class QuadraticDrag(Momentary):
+    """T = -c |v| v."""
+
+    coefficient: float
+
+    def force(self, now: Instant) -> float:
+        return -self.coefficient * abs(now.velocity) * now.velocity
 
 
 @dataclass(frozen=True)

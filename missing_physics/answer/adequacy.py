@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.hypotheses import UnknownForce
 from missing_physics.inference import Data, Fit
 from missing_physics.results.comparison import AT_NOISE, LITTLE
 
@@ -29,11 +30,14 @@ ELSEWHERE = 0.68
 def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
     """Share of right explanations at a place: a joint, its channel, or a body, which affects all joints.
 
+    A joint with a force that no effect of the catalogue is counts as one that is not explained.
+
     Args:
         data: the rows.
         fit: the stated hypothesis.
     """
     explained = dict(zip(data.joints, _explained(data, fit)))
+    explained |= {t.at: np.False_ for t in fit.hypothesis.terms if isinstance(t.effect, UnknownForce)}
 
     def adequacy(place: str) -> float:
         joint = place.split(".")[0]

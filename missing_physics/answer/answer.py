@@ -164,7 +164,7 @@ def dismissed(found: Search[Any], findings: Sequence[Finding]) -> list[str]:
 
 def _not_searched(searched: Collection[str]) -> str:
     """Effects that no torque along the recorded motion shows, and that no other channel was searched for."""
-    every = [effect for effect in catalogue().values() if not effect.along_motion]
+    every = [effect for effect in catalogue().values() if not effect.is_searched]
     titles = [effect.title.lower() for effect in every if effect.id not in searched]
     return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
 

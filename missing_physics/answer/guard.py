@@ -1,14 +1,18 @@
-"""Ensures that the answer predicts held-out data no worse than the standard model, joint by joint.
+"""Ensures that at every joint the answer predicts held-out data no worse than the standard model or the file.
 
 A result at some joint in the fitted recordings may not hold in others. Where the standard model predicts a
 joint better, the joint's effects are removed and its parameters estimated as in the standard model; if that
-is not enough, all bodies are re-estimated; as a last resort they are taken from the standard model.
+is not enough, all bodies are re-estimated; as a last resort they are taken from the standard model. Where the
+robot file predicts a joint better, the joint's effects are removed and its parameters are those of the file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from missing_physics.answer.augmented import left_out_of_the_file
 from missing_physics.hypotheses import BODIES, Hypothesis
@@ -20,6 +24,10 @@ __all__ = ["Guarded", "guarded"]
 
 #: An rms that exceeds another by this factor is worse: two halves of one recording differ by 2 % in it.
 WORSE = 1.02
+#: Parameters of a joint that a robot file has.
+OF_FILE = ("viscous", "coulomb", "offset", "reflected_inertia")
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,7 +44,7 @@ class Guarded:
 
 
 def guarded(data: TorqueData, fit: Fit, standard: Fit) -> Guarded:
-    """The answer, replaced by the standard model at joints that this predicts better.
+    """The answer, replaced by the standard model or the robot file at joints that these predict better.
 
     Args:
         data: the rows.
@@ -54,6 +62,7 @@ def guarded(data: TorqueData, fit: Fit, standard: Fit) -> Guarded:
     if _worse(data, file, standard):
         hypothesis = _with_bodies_of(data, hypothesis, standard)
         file = _file(data, hypothesis, file)
+    hypothesis, file = _no_worse_than_file(data, hypothesis, file)
     if hypothesis is fit.hypothesis:
         return Guarded(fit, file)
     return Guarded(_possible(data, hypothesis, fit), file)
@@ -66,6 +75,16 @@ def _with_bodies_of(data: TorqueData, hypothesis: Hypothesis, standard: Fit) -> 
         name for body in layout.bodies for name, free in zip(layout.names[body], layout.free[body]) if free
     ]
     return hypothesis.holding({name: standard.number(name) for name in names})
+
+
+def _no_worse_than_file(data: TorqueData, hypothesis: Hypothesis, file: Fit) -> tuple[Hypothesis, Fit]:
+    """The hypothesis with the file's numbers at joints that the robot file predicts better, and its fit."""
+    by_file, filed = _errors_of_file(data), set[str]()
+    while more := set(_larger(data, _held_out(data, file.errors), by_file)) - filed:
+        filed |= more
+        hypothesis = _as_filed(data, hypothesis, more)
+        file = _file(data, hypothesis, file)
+    return hypothesis, file
 
 
 def _file(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
@@ -88,11 +107,39 @@ def _possible(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
 
 
 def _worse(data: TorqueData, made: Fit, standard: Fit) -> list[str]:
-    """Joints whose held-out error, with the error of any model, is larger than the standard model's."""
-    unseen = ~data.seen
-    floor = data.error**2 * data.counts[unseen].sum(axis=0)
-    ours, theirs = (fit.errors[unseen].sum(axis=0) + floor for fit in (made, standard))
-    return [j for j, a, b in zip(data.joints, ours, theirs) if a > WORSE**2 * b]
+    """Joints whose held-out error is larger than the standard model's."""
+    return _larger(data, _held_out(data, made.errors), _held_out(data, standard.errors))
+
+
+def _larger(data: TorqueData, ours: Array, theirs: Array) -> list[str]:
+    """Joints at which one squared error exceeds another, with that of any model, shape (n,) each."""
+    floor = data.error**2 * data.counts[~data.seen].sum(axis=0)
+    return [j for j, a, b in zip(data.joints, ours + floor, theirs + floor) if a > WORSE**2 * b]
+
+
+def _held_out(data: TorqueData, errors: Array) -> Array:
+    """Squared error of each joint in held-out blocks, shape (n,), from that of all blocks, (B, n)."""
+    return np.asarray(errors[~data.seen].sum(axis=0))
+
+
+def _errors_of_file(data: TorqueData) -> Array:
+    """Squared error of the robot file at each joint in held-out blocks, shape (n,)."""
+    found = np.zeros(len(data.joints))
+    for run in range(len(data.runs)):
+        unseen = data.counted(run) & ~data.rows_seen(run)[:, None]
+        found += np.sum(np.where(unseen, data.target(run) - data.nominal(run), 0.0) ** 2, axis=0)
+    return found
+
+
+def _as_filed(data: TorqueData, before: Hypothesis, joints: Collection[str]) -> Hypothesis:
+    """The hypothesis with the effects and parameters of the robot file at some joints."""
+    found = before
+    for term in before.terms:
+        if term.at.split(".")[0] in joints and not term.is_given:
+            found = found.without(term)
+    names = data.layout.names
+    own = [name for name in names if name.split(".")[0] in joints and name.split(".")[1] in OF_FILE]
+    return found.holding({name: float(data.filed[names.index(name)]) for name in own})
 
 
 def _standard_at(before: Hypothesis, joints: Collection[str], *, bodies: bool) -> Hypothesis:

@@ -8,6 +8,7 @@ from itertools import combinations
 from missing_physics.standard.rows import is_friction
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
+from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["has_two_encoders", "require_usable", "require_weighable"]
@@ -89,6 +90,10 @@ def _robot_lacks(robot: Robot) -> str:
 def _why_not(robot: Robot, used: UsedEffect) -> str:
     if used.effect.along_motion and not (robot.transmissions and isinstance(used.effect, GearEffect)):
         return ""
+    if isinstance(used.effect, StructureEffect) and used.effect.beam_number and not robot.transmissions:
+        link = robot.link(used.at)
+        if link.beam is not None:
+            return ""
     here = f"the robot file has {used.effect.id} at '{used.at}'"
     return f"{here}, which cannot be taken as known; leave it out"
 

@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from missing_physics.answer import answered
+from missing_physics.checks.stamps import on_even_clock
 from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis.base.file import with_base, without_base_effects
 from missing_physics.diagnosis.base.stage import diagnose_base
@@ -62,7 +63,8 @@ def diagnose(
     """
     began, chosen, fitted = time.monotonic(), options or Options(), len(recordings)
     tell: Said = progress or (lambda phrase: None)
-    given = tuple(on_both_sides(robot, one) for one in (*recordings, *validation))
+    timed = [on_even_clock(one) for one in (*recordings, *validation)]
+    given = tuple(on_both_sides(robot, one) for one, _ in timed)
     require_weighable(robot, given)
     require_usable(given, fitted, chosen.cutoff)
     tell("estimating motion and torque")
@@ -92,7 +94,11 @@ def diagnose(
     file = restored(robot_from_toml(whole.augmented_robot_toml), robot, given)
     return replace(
         whole,
-        diagnosis=replace(whole.diagnosis, could_not_tell=open_),
+        diagnosis=replace(
+            whole.diagnosis,
+            could_not_tell=open_,
+            notes=(*whole.diagnosis.notes, *filter(None, (words for _, words in timed))),
+        ),
         augmented_robot_toml=robot_to_toml(file),
         seconds=time.monotonic() - began,
     )

@@ -12,7 +12,7 @@ vanishes as the deviations do.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,13 @@ class Response:
             stiffness=stiffness,
             damping=damping,
         )
+
+    def with_elasticity(self, stiffness: Array, damping: Array) -> Response:
+        """The response with other stiffness and damping of the modes, shape (s, s) each."""
+        h = self.step
+        change = h / 2 * (damping - self.damping) + h**2 / 4 * (stiffness - self.stiffness)
+        solver = np.asarray(np.linalg.inv(np.linalg.inv(self.solver) + change))
+        return replace(self, solver=solver, stiffness=stiffness, damping=damping)
 
     def at_joints(self, rows: Array) -> Array:
         """Forces at the joints due to forces on all rows, shape (N, rows, C), from rest; shape (N, n, C)."""

@@ -22,7 +22,8 @@ from reference_model.effects.base import (
     YieldingGear,
 )
 from reference_model.effects.catalogue import catalogue
-from robot_model import Robot
+from reference_model.effects.structure import StructureEffect
+from robot_model import InputError, Robot
 
 __all__ = ["STANDARD", "Candidate", "candidates"]
 
@@ -111,7 +112,7 @@ def candidates(
         if one.term.at in places:
             yield from _in_rows(one, terms) if one.term.in_rows else _of_file(one, terms)
     for effect in (*catalogue().values(), *UNKNOWN):
-        if not effect.along_motion or not effect.estimated:
+        if not effect.is_searched or not effect.estimated:
             continue
         if isinstance(effect, JointEffect) and effect.id in AT_COUPLED:
             behind = {name: place for name, place in places.items() if place.coupled}
@@ -124,6 +125,9 @@ def candidates(
                 yield Candidate(Term.of(effect, "base", {p.name: 0.0 for p in effect.parameters}))
             if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.filed:
                 yield from _at_links(effect, robot, present)
+            continue
+        if isinstance(effect, StructureEffect):
+            yield from _reshaping(effect, robot, places, present)
             continue
         for joint, place in places.items():
             if (effect.place == "actuator" or isinstance(effect, GearEffect)) and not place.driven:
@@ -191,6 +195,22 @@ def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, s
             values = {p.name: 0.0 for p in effect.parameters}
             values |= dict(zip("xyz", map(float, point))) if places else {}
             yield Candidate(Term.of(effect, link.name, values))
+
+
+def _reshaping(
+    effect: StructureEffect, robot: Robot, places: Mapping[str, Place], present: Collection[tuple[str, str]]
+) -> Iterator[Candidate]:
+    """At every link that bends and can have the effect; what the robot file has is taken as known."""
+    known = {(use.effect, use.at) for use in robot.effects}
+    for link in robot.flexible_links:
+        if (effect.id, link.name) in {*present, *known} or not places:
+            continue
+        for start in effect.starts(next(iter(places.values())).extents[0]):
+            try:
+                effect.changed(robot, link.name, {**effect.defaults(), **start})
+            except InputError:
+                continue
+            yield Candidate(Term.of(effect, link.name, start, limits=effect.limits(robot, link.name)))
 
 
 def _at_sensors(

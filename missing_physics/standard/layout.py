@@ -12,7 +12,7 @@ from missing_physics.bodies.pseudo_inertia import COUNT, sizes, solid
 from missing_physics.standard.rows import FRICTION, Rows, held_scale
 from reference_model.dynamics.inertial import body_names
 from reference_model.evaluation.model import RobotModel
-from reference_model.flexible.beam_numbers import BEAM_NUMBERS
+from reference_model.flexible.beam_numbers import POSITIVE
 from robot_model import Robot
 
 __all__ = ["Layout", "bodies_of", "is_known", "length_of"]
@@ -86,7 +86,7 @@ class Layout:
             size[own] = torque[k] / speed[k], torque[k], torque[k]
             free[own] = slides[k]
             free[rotors + k] = slides[k] and driven[k] and not is_known(robot, f"{name}.reflected_inertia")
-        beams = np.flatnonzero([name.split(".")[-1] in BEAM_NUMBERS for name in names])
+        beams = np.flatnonzero([name.split(".")[-1] in POSITIVE for name in names])
         size[beams] = np.where(start[beams] > 0.0, start[beams], 1.0)
         free[beams] = [start[i] > 0.0 and not is_known(robot, names[i]) for i in beams]
         signed = np.array([name.endswith(".offset") for name in names])

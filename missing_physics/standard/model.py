@@ -26,7 +26,7 @@ from reference_model.dynamics.inertial import BODY_NUMBERS, body_names
 from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
-from reference_model.flexible.beam_numbers import BEAM_NUMBERS, beam_with
+from reference_model.flexible.beam_numbers import POSITIVE, beam_with
 from robot_model import EffectUse, InputError, Recording, Robot
 
 __all__ = ["EFFECTS", "JointErrors", "StandardModel", "as_robot", "fit_standard"]
@@ -247,7 +247,7 @@ def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -
         if numbers[f"{body}.mass"] > 0.0:
             bodies[body].update(_body([numbers[f"{body}.{number}"] for number in BODY_NUMBERS]))
     for link in stripped.links:
-        mine = {f"{link.name}.{number}": number for number in BEAM_NUMBERS}
+        mine = {f"{link.name}.{number}": number for number in POSITIVE}
         beam = {mine[name]: _short(value) for name, value in numbers.items() if name in mine}
         if beam and link.beam is not None:
             bodies[link.name]["beam"].update(beam_with(link.beam, beam))

@@ -15,6 +15,7 @@ from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
+from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel
 from reference_model.evaluation.model import RobotModel
@@ -198,9 +199,11 @@ def force_of(used: UsedEffect, joint: Drive, signals: Array, motion: BandMotion,
 
 
 def inertial_with_effects(model: RobotModel) -> Array:
-    """The inertial parameters of the robot, with its effects on bodies and gravity, shape (P,)."""
+    """The inertial parameters of the robot, with its effects on bodies, beams and gravity, shape (P,)."""
     numbers = dict(zip(model.inertial_names, model.inertial))
     for used in used_effects(model.robot):
+        if isinstance(used.effect, StructureEffect) and used.effect.beam_number:
+            numbers[f"{used.at}.{used.effect.beam_number}"] += next(iter(used.parameters.values()))
         if not isinstance(used.effect, BodyEffect):
             continue
         terms = used.effect.terms({name: ca.SX(value) for name, value in used.parameters.items()})

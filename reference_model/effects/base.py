@@ -147,8 +147,7 @@ class Effect(ABC):
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         priors: mean and standard deviation of parameters of which something is known that no recording says.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
-        along_motion: it has regressors along a recorded joint motion. A diagnosis does not search for effects
-            without any; both engines simulate them.
+        along_motion: it has regressors along a recorded joint motion.
     """
 
     id: ClassVar[str]
@@ -188,6 +187,11 @@ class Effect(ABC):
     def is_wave(self) -> bool:
         """Whether it is a wave over position whose angular order is estimated."""
         return any(parameter.name == "order" for parameter in self.estimated)
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether a diagnosis searches for it; both engines simulate every effect."""
+        return self.along_motion
 
     def defaults(self) -> dict[str, float]:
         """Values of the parameters that have a default."""

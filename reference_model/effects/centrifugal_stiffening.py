@@ -23,6 +23,7 @@ class CentrifugalStiffening(StructureEffect):
     title = "Centrifugal stiffening"
     place = "link"
     stage = 1
+    reshapes = True
     parameters = (
         Parameter("strength", "-", "share of the foreshortening that takes part", 0.0, 1.0, 1.0, absent=0.0),
     )

@@ -25,6 +25,8 @@ class ModalDamping(StructureEffect):
     title = "Wrong structural damping"
     place = "link"
     stage = 1
+    reshapes = True
+    beam_number = "damping_ratio"
     parameters = (
         Parameter(
             "damping_ratio", "-", "added to the damping ratio of each mode", -0.99, 0.99, 0.01, absent=0.0
@@ -42,6 +44,12 @@ class ModalDamping(StructureEffect):
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         return ({"damping_ratio": self.parameter("damping_ratio").typical},)
+
+    def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
+        """A mode keeps some damping; all of its own may go."""
+        body = flexible_body(robot.link(at))
+        least = float((np.diag(body.damping) / (2 * body.frequencies)).min())
+        return {"damping_ratio": (-least, self.parameter("damping_ratio").upper)}
 
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
         link = robot.link(at)

@@ -101,7 +101,7 @@ def facts(effect: Effect) -> Mapping[str, str]:
         "shows as": effect.signature,
         "confused with": ", ".join(effect.confused_with) or "nothing known",
         "to tell apart": effect.experiment,
-        "in a diagnosis": "" if effect.along_motion else NOT_SEARCHED,
+        "in a diagnosis": "" if effect.is_searched else NOT_SEARCHED,
         "needs": ", ".join(effect.needs),
         "comes on top of": " or ".join(effect.builds_on),
         "source": effect.source,
@@ -121,7 +121,7 @@ def _section(effect: Effect) -> Iterator[str]:
     yield f"- Shows as: {effect.signature}."
     yield f"- Confused with: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."
-    if not effect.along_motion:
+    if not effect.is_searched:
         yield f"- In a diagnosis: {NOT_SEARCHED}."
     if effect.needs:
         yield f"- Needs in the recording: {', '.join(effect.needs)}."

@@ -16,13 +16,27 @@ __all__ = ["StructureEffect"]
 class StructureEffect(Effect):
     """Changes the description of the robot; its controller keeps believing in the one it was given.
 
-    It has no regressors along a recorded motion, since coordinates appear that no joint recording holds.
+    It has no regressors along a recorded motion, since coordinates appear that no joint recording holds; one
+    that only reshapes a link that bends has them along the motion of the link's modes.
     """
 
     along_motion = False
+    #: It changes only the constants of a flexible link, all in proportion to its one parameter.
+    reshapes: ClassVar[bool] = False
 
     #: Those of a lower stage are carried out first: what bends at all, then how it does.
     stage: ClassVar[int] = 0
+
+    #: Number of a beam that its parameter adds to (`reference_model.flexible.beam_numbers`).
+    beam_number: ClassVar[str] = ""
+
+    @property
+    def is_searched(self) -> bool:
+        return self.reshapes
+
+    def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
+        """Bounds of parameters that this robot makes narrower than the catalogue's."""
+        return {}
 
     @abstractmethod
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:

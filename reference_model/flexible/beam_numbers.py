@@ -12,12 +12,15 @@ from reference_model.flexible.attached import attached
 from reference_model.flexible.body import FlexibleBody
 from robot_model import Beam
 
-__all__ = ["BEAM_NUMBERS", "BeamNumber", "beam_numbers", "beam_with"]
+__all__ = ["BEAM_NUMBERS", "POSITIVE", "BeamNumber", "beam_numbers", "beam_with"]
 
 Array = NDArray[np.float64]
 
-#: Mass of a beam [kg], its stiffness relative to the description [-], the mass at its tip [kg].
-BEAM_NUMBERS = ("beam_mass", "stiffness", "tip_mass")
+#: Mass of a beam [kg], its stiffness relative to the description [-], the mass at its tip [kg], and what is
+#: added to the damping ratio of every mode [-].
+BEAM_NUMBERS = ("beam_mass", "stiffness", "tip_mass", "damping_ratio")
+#: Those of them that are positive.
+POSITIVE = BEAM_NUMBERS[:3]
 #: Constants of a flexible body in proportion to its mass.
 HEAVY = (
     "mass",
@@ -65,8 +68,9 @@ def beam_numbers(beam: Beam, body: FlexibleBody) -> tuple[BeamNumber, ...]:
         "beam_mass": _changed(body, {k: getattr(bare, k) / beam.mass for k in HEAVY}, stiff=False),
         "stiffness": _changed(body, {k: np.zeros_like(getattr(body, k)) for k in HEAVY}, stiff=True),
         "tip_mass": _changed(body, {k: getattr(tip, k) - getattr(bare, k) for k in HEAVY}, stiff=False),
+        "damping_ratio": _damped(body),
     }
-    values = {"beam_mass": beam.mass, "stiffness": 1.0, "tip_mass": beam.tip.mass}
+    values = {"beam_mass": beam.mass, "stiffness": 1.0, "tip_mass": beam.tip.mass, "damping_ratio": 0.0}
     return tuple(BeamNumber(name, values[name], bodies[name]) for name in BEAM_NUMBERS)
 
 
@@ -78,6 +82,13 @@ def _changed(body: FlexibleBody, heavy: dict[str, Any], *, stiff: bool) -> Flexi
     part = 1.0 if stiff else 0.0
     elastic: dict[str, Any] = {"stiffness": part * body.stiffness, "damping": 0.5 * part * body.damping}
     return replace(body, **elastic, **heavy)
+
+
+def _damped(body: FlexibleBody) -> FlexibleBody:
+    """Change of the constants for one more of each damping ratio."""
+    nothing: dict[str, Any] = {k: np.zeros_like(getattr(body, k)) for k in HEAVY}
+    damping = np.diag(2.0 * body.frequencies)
+    return replace(body, stiffness=np.zeros_like(body.stiffness), damping=damping, **nothing)
 
 
 def beam_with(beam: Beam, numbers: dict[str, float]) -> dict[str, object]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("robot_model", "reference_model", "exudyn_model", "missing_physics")
@@ -184,7 +182,17 @@ SOURCES = {
     for path in sorted((ROOT / package).rglob("*.py"))
     if "__pycache__" not in path.parts
 }
-every_module = pytest.mark.parametrize("module", SOURCES)
+
+
+def every_module(check: Callable[[str], None]) -> Callable[[], None]:
+    """One test of all modules; a parameter for each of hundreds would cost more than what is checked."""
+
+    def test() -> None:
+        for module in SOURCES:
+            check(module)
+
+    test.__name__, test.__doc__ = check.__name__, check.__doc__
+    return test
 
 
 @cache
@@ -192,8 +200,13 @@ def syntax(module: str) -> ast.Module:
     return ast.parse(SOURCES[module].read_text("utf-8"))
 
 
-def imported(module: str) -> Iterator[str]:
+@cache
+def imported(module: str) -> tuple[str, ...]:
     """Full names of what a module imports anywhere in it, type-checking blocks included."""
+    return tuple(_imported(module))
+
+
+def _imported(module: str) -> Iterator[str]:
     package = module if SOURCES[module].name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(syntax(module)):
         if isinstance(node, ast.Import):
@@ -231,7 +244,7 @@ def test_the_parent_package_is_no_back_door(module: str) -> None:
     """`missing_physics` stands above its rooms, so that only the start of the program may go through it."""
     if room_of(module) != "missing_physics":
         names = [name for name in imported(module) if room_of_ours(name) == "missing_physics"]
-        assert not names
+        assert not names, f"{module} imports {names}"
 
 
 def room_of_ours(name: str) -> str | None:
@@ -265,8 +278,8 @@ def test_every_module_says_what_it_offers(module: str) -> None:
     offered = [node for node in syntax(module).body if isinstance(node, ast.Assign) and assigns_all(node)]
     assert len(offered) == 1, f"{module} has no `__all__`"
     names = ast.literal_eval(offered[0].value)
-    assert len(names) == len(set(names))
-    assert set(names) <= top_level_names(module)
+    assert len(names) == len(set(names)), module
+    assert set(names) <= top_level_names(module), module
 
 
 def defines_names(module: str) -> bool:
@@ -303,12 +316,14 @@ def test_every_module_has_a_docstring(module: str) -> None:
 
 @every_module
 def test_no_module_runs_data_as_code(module: str) -> None:
-    assert not {name.split(".")[0] for name in imported(module)} & CODE_FROM_DATA
+    assert not {name.split(".")[0] for name in imported(module)} & CODE_FROM_DATA, module
     for node in ast.walk(syntax(module)):
         if isinstance(node, ast.Call):
             called = node.func.id if isinstance(node.func, ast.Name) else ""
             assert called not in CALLS_FROM_DATA, f"{module}, line {node.lineno}"
-            assert not any(word.arg == "allow_pickle" and is_true(word.value) for word in node.keywords)
+            assert not any(word.arg == "allow_pickle" and is_true(word.value) for word in node.keywords), (
+                module
+            )
 
 
 def is_true(value: ast.expr) -> bool:

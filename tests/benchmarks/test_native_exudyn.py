@@ -55,8 +55,8 @@ def difference(motion: str, method: str, other: str, *, compiled: bool) -> float
     ("motion", "method"),
     [
         ("arm, constant LuGre", "trapezoidal, index 2"),
-        ("space arm, joint control", "RK44"),
-        ("flexible, Stribeck", "generalised alpha"),
+        pytest.param("space arm, joint control", "RK44", marks=pytest.mark.proof),
+        pytest.param("flexible, Stribeck", "generalised alpha", marks=pytest.mark.proof),
     ],
 )
 def test_it_is_the_same_motion(motion: str, method: str) -> None:

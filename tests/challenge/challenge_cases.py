@@ -8,7 +8,7 @@ from functools import cache
 
 from missing_physics.challenge.cases.conditions import Conditions
 from missing_physics.challenge.cases.truth import Design, Truth
-from missing_physics.challenge.concealing.conceal import EXACT, FILES
+from missing_physics.challenge.concealing.conceal import EXACT, FILES, Concealed
 from missing_physics.challenge.draws.design import draw_design
 from missing_physics.challenge.processes.stage import Outcome
 from missing_physics.challenge.processes.workers import Work
@@ -23,14 +23,30 @@ SECONDS, RATE = 2.5, 200.0
 @cache
 def design(number: int = AXIS, *, seconds: float = SECONDS) -> Design:
     """The case of that number with short recordings and nothing hidden."""
-    return short(draw_design(number), seconds=seconds)
+    return short(numbered(number), seconds=seconds)
 
 
-def plain(drawn: Design) -> Design:
+def made(case: Design) -> Concealed:
+    """The case carried out, once for all tests that ask for it: the same design makes the same numbers."""
+    return _made(case.model_dump_json())
+
+
+@cache
+def _made(text: str) -> Concealed:
+    return Concealed(Design.model_validate_json(text))
+
+
+@cache
+def numbered(number: int) -> Design:
+    """The case of that number as it is."""
+    return draw_design(number)
+
+
+def plain(case: Design) -> Design:
     """A case with an exact and complete file, a continuous controller and a measured torque."""
-    controller = drawn.nominal.controller.model_copy(update={"sample_time": 0.0})
-    nominal = drawn.nominal.model_copy(update={"controller": controller})
-    return drawn.model_copy(update={"nominal": nominal, "conditions": Conditions()})
+    controller = case.nominal.controller.model_copy(update={"sample_time": 0.0})
+    nominal = case.nominal.model_copy(update={"controller": controller})
+    return case.model_copy(update={"nominal": nominal, "conditions": Conditions()})
 
 
 def short(drawn: Design, *, seconds: float) -> Design:

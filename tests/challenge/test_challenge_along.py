@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from challenge_cases import ARM, AXIS, design, hiding
+from quick_ones import quick_places
 
 from exudyn_model import simulate
 from missing_physics.challenge.scoring.information import (
@@ -18,7 +21,18 @@ from missing_physics.challenge.scoring.information import (
 from missing_physics.challenge.torques.along import ArmAlong
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
-from robot_model import EffectUse
+from robot_model import EffectUse, Recording, Robot, robot_from_toml, robot_to_toml
+
+
+def motion_of(robot: Robot) -> Recording:
+    """The motion of a robot, simulated once for all tests that look at it."""
+    return _once(robot_to_toml(robot.model_copy(update={"sensors": ()})))
+
+
+@cache
+def _once(text: str) -> Recording:
+    return simulate(robot_from_toml(text), sensors=False)
+
 
 HIDDEN = [
     (
@@ -34,10 +48,10 @@ HIDDEN = [
 ]
 
 
-@pytest.mark.parametrize(("effect", "at", "number", "values"), HIDDEN, ids=[case[0] for case in HIDDEN])
+@pytest.mark.parametrize(("effect", "at", "number", "values"), quick_places(HIDDEN, 0, 2, 4))
 def test_parts_are_what_the_other_engine_adds(effect: str, at: str, number: int, values: dict) -> None:
     case = hiding(effect, at, number, **values)
-    along = ArmAlong(case.nominal, simulate(case.real, sensors=False))
+    along = ArmAlong(case.nominal, motion_of(case.real))
     missing = along.torque - along.nominal()
     part = along.part(case.hidden[0])
     assert np.abs(part).max() > 0.1
@@ -48,7 +62,7 @@ def test_parts_are_what_the_other_engine_adds(effect: str, at: str, number: int,
 def test_a_faulty_position_moves_the_torque_as_its_derivatives_say() -> None:
     """First order: the inverse dynamics of the shifted motion less that of the true one."""
     robot = design(ARM).nominal.model_copy(update={"effects": ()})
-    along = ArmAlong(robot, simulate(robot, sensors=False))
+    along = ArmAlong(robot, motion_of(robot))
     use = EffectUse.model_validate({"effect": "sensor_offset", "at": "joint2.position", "offset": 1e-5})
     q, v, a = along.state
     shifted = along.model.inverse_dynamics(q + np.array([0.0, 1e-5]), v, a)
@@ -59,7 +73,7 @@ def test_a_faulty_position_moves_the_torque_as_its_derivatives_say() -> None:
 def test_every_effect_that_can_be_hidden_has_rivals_that_can_be_weighed() -> None:
     """Whatever the catalogue says looks alike, gears and structures included, must not stop a score."""
     robot = design(ARM).nominal.model_copy(update={"effects": ()})
-    along = ArmAlong(robot, simulate(robot, sensors=False))
+    along = ArmAlong(robot, motion_of(robot))
     weighed = 0
     for effect in catalogue().values():
         if not effect.along_motion or isinstance(effect, GearEffect):
@@ -87,7 +101,7 @@ def distance(*effect: str, number: int = AXIS, noise: float = 1.0, **values: flo
     case = hiding(*effect, number, **values)
     sensors = tuple(s.model_copy(update={"noise": noise * s.noise}) for s in case.nominal.sensors)
     case = case.model_copy(update={"nominal": case.nominal.model_copy(update={"sensors": sensors})})
-    along = ArmAlong(case.nominal, simulate(case.real, sensors=False))
+    along = ArmAlong(case.nominal, motion_of(case.real))
     return next(iter(distances(along, case.hidden).values()))
 
 
@@ -102,7 +116,7 @@ def test_information_falls_with_the_square_of_the_noise() -> None:
 def test_a_credible_error_of_a_mass_is_a_share_of_its_inertial_force() -> None:
     """On a horizontal axis without friction: 0.3 m a, whatever is hidden elsewhere."""
     case = hiding("coulomb_friction", "joint1", torque=8.0)
-    along = ArmAlong(case.nominal, simulate(case.real, sensors=False))
+    along = ArmAlong(case.nominal, motion_of(case.real))
     wanted = 0.3 * case.nominal.links[0].mass * along.state[2]
     columns = list(_nominal_columns(along, case.hidden[0]))
     assert sum(np.allclose(column, wanted, rtol=1e-9) for column in columns) == 1

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from challenge_cases import ARM, design, hiding
+from challenge_cases import ARM, design, hiding, made
 
 from exudyn_model import simulate
 from missing_physics.challenge.cases.conditions import (
@@ -61,7 +61,7 @@ def under(case: Design, conditions: Conditions) -> Concealed:
 @cache
 def motion() -> tuple[Recording, Recording]:
     """Both recordings of the axis without sensors."""
-    return Concealed(design()).exact
+    return made(design()).exact
 
 
 def along(conditions: Conditions) -> Concealed:

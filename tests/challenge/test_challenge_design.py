@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from challenge_cases import AXIS, design, hiding
+from challenge_cases import AXIS, design, hiding, made, numbered
 
 from exudyn_model.effects import effects_of
 from missing_physics.challenge.cases.families import DECK, family_of
@@ -25,12 +25,12 @@ from missing_physics.plausibility import implausible
 from reference_model.effects.catalogue import used_effects
 from robot_model import EffectUse, InputError, load_robot, robot_from_toml
 
-NUMBERS = range(10050, 10075)
+NUMBERS = range(10000, 10025)
 
 
 @pytest.fixture(scope="module")
 def drawn() -> list:
-    return [draw_design(number) for number in NUMBERS]
+    return [numbered(number) for number in NUMBERS]
 
 
 def test_every_block_of_numbers_holds_the_deck(drawn: list) -> None:
@@ -91,7 +91,7 @@ def test_families_hide_what_they_say(drawn: list) -> None:
 
 def test_feedforward_makes_up_for_most_of_what_is_compensated() -> None:
     for number in (n for n in range(10000, 10200) if family_of(n) == "compensated"):
-        case = draw_design(number)
+        case = numbered(number)
         [use] = case.hidden
         assert use.effect in DRY
         level = use.parameters.get("torque", use.parameters.get("coulomb_torque"))
@@ -123,7 +123,7 @@ def test_motions_keep_the_limits(drawn: list) -> None:
 def test_files_of_a_case_do_not_tell() -> None:
     """Hidden or not: the same files, columns, rows, instants and digits, and no word of the truth."""
     case = hiding("coulomb_friction", "joint1", torque=8.0)
-    plain, hidden = Concealed(case.model_copy(update={"hidden": ()})), Concealed(case)
+    plain, hidden = made(case.model_copy(update={"hidden": ()})), made(case)
     one, other = plain.files(), hidden.files()
     assert tuple(one) == tuple(other) == FILES
     assert one["robot.toml"] == other["robot.toml"]
@@ -149,8 +149,7 @@ def test_names_of_folders_are_in_no_order(drawn: list) -> None:
 def test_noise_ratio_is_met() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     case = case.model_copy(update={"noise_ratio": 1.0, "noise_of": case.hidden[0]})
-    made = Concealed(case)
-    sensor = made.given.sensor("joint1.torque")
+    sensor = made(case).given.sensor("joint1.torque")
     assert sensor is not None
     assert 3.0 < sensor.noise < 8.0  # rms of a friction of 8 N that rests now and then, mean left out
 
@@ -160,14 +159,14 @@ def test_tuning_hides_friction_in_the_nominal_parameters() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     viscous = EffectUse.model_validate({"effect": "viscous_friction", "at": "joint1", "coefficient": 100.0})
     case = case.model_copy(update={"nominal": case.nominal.with_effects(viscous)})
-    made = Concealed(case.model_copy(update={"family": "tuned_away"}))
-    left, tuned = made.sensed_by, made.given
+    tuned_case = Concealed(case.model_copy(update={"family": "tuned_away"}))
+    left, tuned = tuned_case.sensed_by, tuned_case.given
     assert tuned.links[0].mass != left.links[0].mass
     assert [use.effect for use in tuned.effects] == [use.effect for use in left.effects]
     assert tuned.effects[0].parameters["coefficient"] > left.effects[0].parameters["coefficient"]
     energies = [
         float(np.sum((along.torque - along.nominal()) ** 2))
-        for along in (ArmAlong(robot, made.exact[0]) for robot in (left, tuned))
+        for along in (ArmAlong(robot, tuned_case.exact[0]) for robot in (left, tuned))
     ]
     assert energies[1] < 0.95 * energies[0]
 
@@ -178,18 +177,18 @@ def test_the_exact_motion_survives_its_notation() -> None:
     assert again.files() == {name: files[name] for name in FILES}
 
 
-@pytest.mark.parametrize(("wider", "made"), [(1.0, True), (300.0, False)])
+@pytest.mark.parametrize(("wider", "inside"), [(1.0, True), (300.0, False)])
 def test_a_joint_that_runs_away_makes_no_case(
-    wider: float, made: bool, monkeypatch: pytest.MonkeyPatch
+    wider: float, inside: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case = design()
-    along = Concealed(case).exact[0]
+    along = made(case).exact[0]
     moved = {
         name: values * (wider if name == "joint1.position" else 1.0)
         for name, values in along.channels.items()
     }
     monkeypatch.setattr(conceal, "simulate", lambda *robot, **how: replace(along, channels=moved))
-    if made:
+    if inside:
         assert set(concealed(case)) >= set(FILES)
     else:
         with pytest.raises(InputError, match="joint1 ran out of its limits"):
@@ -200,7 +199,7 @@ def test_a_joint_that_races_where_no_limits_end_its_motion_makes_no_case(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     case = design()
-    along = Concealed(case).exact[0]
+    along = made(case).exact[0]
     limit = case.nominal.joint("joint1").velocity_limit
     assert limit is not None
     racing = dict(along.channels)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from challenge_cases import ARM, AXIS, design, hiding
+from challenge_cases import ARM, AXIS, design, hiding, made
+from quick_ones import quick_names
 
 from missing_physics.challenge.cases.conditions import Conditions, TorqueRecord
 from missing_physics.challenge.cases.truth import Design
@@ -24,7 +25,7 @@ RECORDS = {
 
 
 def recorded(case: Design, record: TorqueRecord) -> Concealed:
-    return Concealed(case.model_copy(update={"conditions": Conditions(torque=record)}))
+    return made(case.model_copy(update={"conditions": Conditions(torque=record)}))
 
 
 def errors(case: Concealed) -> dict[str, float]:
@@ -34,7 +35,7 @@ def errors(case: Concealed) -> dict[str, float]:
     return held_out_errors(case, robots, case.recordings[1])["joint1"]
 
 
-@pytest.mark.parametrize("kind", RECORDS)
+@pytest.mark.parametrize("kind", quick_names(RECORDS, "measured", "filtered"))
 def test_the_true_robot_leaves_noise_however_its_torque_was_logged(kind: str) -> None:
     case = recorded(hiding("viscous_friction", "joint1", coefficient=150.0), RECORDS[kind])
     found = errors(case)
@@ -52,21 +53,21 @@ def test_the_true_robot_leaves_noise_however_its_torque_was_logged(kind: str) ->
 def test_errors_of_a_torque_sensor_are_part_of_what_a_robot_expects(
     effect: str, values: dict[str, float]
 ) -> None:
-    found = errors(Concealed(hiding(effect, "joint1.torque", **values)))
+    found = errors(made(hiding(effect, "joint1.torque", **values)))
     assert found["answer"] == pytest.approx(found["noise"], rel=0.01)
     assert found["nominal"] > 1.2 * found["noise"]
 
 
 def test_a_robot_that_cannot_be_worked_out_has_no_error() -> None:
-    case = Concealed(design())
+    case = made(design())
     other = design(ARM).nominal
     found = held_out_errors(case, {"nominal": case.given, "answer": other, "x": None}, case.recordings[1])
     assert set(found["joint1"]) == {"noise", "nominal"}
 
 
 def distance(case: Design) -> float:
-    made = Concealed(case)
-    [found] = distances(ArmAlong(made.sensed_by, made.exact[0]), case.hidden).values()
+    there = made(case)
+    [found] = distances(ArmAlong(there.sensed_by, there.exact[0]), case.hidden).values()
     return found
 
 
@@ -105,7 +106,7 @@ def test_a_finding_that_corrects_a_wrong_file_is_right(sign: int, error: str, ef
     wrong = case.model_copy(update={"conditions": Conditions(file_errors={error: 0.08})})
     item = {"effect": effect, "location": "link2", "parameters": {name: {"value": 0.01 * sign}}}
     assert takes_back(wrong, Concealed(wrong).given, item) == (sign < 0)
-    assert not takes_back(case, Concealed(case).given, item)
+    assert not takes_back(case, made(case).given, item)
 
 
 def test_friction_of_a_wrong_file_is_named_as_a_whole() -> None:

@@ -7,10 +7,9 @@ import json
 
 import numpy as np
 import pytest
-from challenge_cases import ARM, answer, design, hiding, score
+from challenge_cases import ARM, answer, design, hiding, made, score
 
 from missing_physics.challenge.cases.truth import Foreign
-from missing_physics.challenge.concealing.conceal import Concealed
 from missing_physics.challenge.page import interval, markdown, wanted
 from missing_physics.challenge.scoring.baselines import _library
 from missing_physics.challenge.scoring.result import CaseScore, Finding, ModelScore, Report, case_score
@@ -31,10 +30,10 @@ def told(case: object, **said: object) -> dict:
 
 def test_regressors_hold_no_measured_torque() -> None:
     """A measured torque would explain itself."""
-    made = Concealed(COULOMB)
-    channels = {name: np.full_like(made.exact[0].time, 7.0) for name in ("joint1.torque", "joint2.torque")}
-    other = dataclasses.replace(made.exact[0], channels={**made.exact[0].channels, **channels})
-    one, two = (_library(ArmAlong(made.given, exact)) for exact in (made.exact[0], other))
+    case = made(COULOMB)
+    channels = {name: np.full_like(case.exact[0].time, 7.0) for name in ("joint1.torque", "joint2.torque")}
+    other = dataclasses.replace(case.exact[0], channels={**case.exact[0].channels, **channels})
+    one, two = (_library(ArmAlong(case.given, exact)) for exact in (case.exact[0], other))
     assert np.array_equal(one, two)
 
 

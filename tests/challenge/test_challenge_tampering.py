@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from challenge_cases import Steps, design, steps_of, truth
+from challenge_cases import Steps, design, made, steps_of, truth
 from test_challenge_run import MODULE, NUMBERS, started
 from test_challenge_run import steps as steps
 
@@ -145,15 +145,15 @@ FILES = (
 )
 
 
-@pytest.mark.parametrize("content", ["{}", "[]", "3", "null", '{"files": 3}', '{"status": []', "\xff"])
 @pytest.mark.parametrize("file", FILES)
-def test_json_of_another_kind_is_one_sentence(tmp_path: Path, steps: Steps, file: str, content: str) -> None:
+def test_json_of_another_kind_is_one_sentence(tmp_path: Path, steps: Steps, file: str) -> None:
     started(tmp_path)
     path = sorted(tmp_path.glob(file))[0]
-    path.write_bytes(content.encode("latin-1"))
-    with pytest.raises(InputError, match=re.escape(path.name)) as told:
-        started(tmp_path)
-    assert "\n" not in str(told.value)
+    for content in ("{}", "[]", "3", "null", '{"files": 3}', '{"status": []', "\xff"):
+        path.write_bytes(content.encode("latin-1"))
+        with pytest.raises(InputError, match=re.escape(path.name)) as told:
+            started(tmp_path)
+        assert "\n" not in str(told.value), content
 
 
 @pytest.mark.parametrize("content", ["{}", "[]", "3"])
@@ -176,28 +176,28 @@ def test_a_score_of_another_kind_is_reported(tmp_path: Path, steps: Steps, conte
     ],
 )
 def test_a_case_that_the_truth_does_not_make_is_reported(file: str) -> None:
-    made = Concealed(design())
-    files = made.files()
-    _same_files(made, files)
+    case = made(design())
+    files = case.files()
+    _same_files(case, files)
     rounded = files["recording.csv"].decode().splitlines()
     rounded[5] = ",".join([rounded[5].split(",")[0], *(f"{float(x):.7g}" for x in rounded[5].split(",")[1:])])
-    _same_files(made, {**files, "recording.csv": "\n".join(rounded).encode()})
+    _same_files(case, {**files, "recording.csv": "\n".join(rounded).encode()})
     other = Concealed(design().model_copy(update={"number": 5})).files()  # other noise
     if file == "robot.toml":
         mass = re.sub(rb"mass = ([0-9.]+)", lambda m: b"mass = %.6f" % (1.1 * float(m[1])), files[file])
         other = {file: mass}
     assert other[file] != files[file]
     with pytest.raises(InputError, match=f"{file} is not what the truth makes"):
-        _same_files(made, {**files, file: other[file]})
+        _same_files(case, {**files, file: other[file]})
 
 
 def test_a_recording_of_another_length_is_reported() -> None:
-    made = Concealed(design())
-    files = made.files()
+    case = made(design())
+    files = case.files()
     short = b"\n".join(files["recording.csv"].splitlines()[:-7])
     with pytest.raises(InputError, match=r"recording\.csv is not what the truth makes"):
-        _same_files(made, {**files, "recording.csv": short})
-    assert np.isfinite(made.recordings[0].time).all()
+        _same_files(case, {**files, "recording.csv": short})
+    assert np.isfinite(case.recordings[0].time).all()
 
 
 class Failing(Steps):

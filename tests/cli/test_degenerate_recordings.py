@@ -55,7 +55,24 @@ CASES: dict[str, tuple[np.ndarray, np.ndarray, int]] = {
 INSISTING = [("no torque at all", True), ("constant torque", True), ("a huge position", True)]
 
 
-@pytest.mark.parametrize(("case", "insist"), [*((case, False) for case in CASES), *INSISTING])
+#: Of each kind of the others there is one among the quick tests.
+ALIKE = {
+    *("tiny torque", "huge torque", "torque of noise alone", "constant position", "one position"),
+    *("one sample moves", "tiny position", "small position", "a ramp", "a huge torque"),
+}
+
+
+def proof(case: str, insist: bool) -> bool:
+    return case in ALIKE or (insist and case == "constant torque")
+
+
+@pytest.mark.parametrize(
+    ("case", "insist"),
+    [
+        pytest.param(case, insist, marks=pytest.mark.proof if proof(case, insist) else ())
+        for case, insist in [*((case, False) for case in CASES), *INSISTING]
+    ],
+)
 def test_no_warning_reaches_the_user(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

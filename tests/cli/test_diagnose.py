@@ -64,9 +64,10 @@ class Front:
 
 @pytest.fixture(scope="module")
 def first(case: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said]:
-    """A quiet run of one recording into a folder that is not there yet, and what it printed."""
+    """A quiet run of a recording and a held-out one into a folder that is not there yet, and what it said."""
     out = tmp_path_factory.mktemp("first") / "deep" / "out"
-    words = [case / "robot.toml", case / "recording.csv", "--out", out, "--json", "--quiet"]
+    words = [case / "robot.toml", case / "recording.csv", "--validate", case / "validation.csv"]
+    words += ["--out", out, "--json", "--quiet"]
     with pytest.MonkeyPatch.context() as patch, StringIO() as printed, StringIO() as told:
         patch.setattr("sys.argv", ["missing-physics", "diagnose", *map(str, words)])
         with redirect_stdout(printed), redirect_stderr(told), pytest.raises(SystemExit) as left:
@@ -114,9 +115,13 @@ def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
     assert "coulomb" in html.lower()
 
 
-def test_the_summary_goes_to_stdout_and_progress_to_stderr(case: Path, tmp_path: Path, front: Front) -> None:
+def test_the_same_again_replaces_old_files_with_a_summary_on_stdout_and_progress_on_stderr(
+    case: Path, tmp_path: Path, front: Front, first: tuple[Path, Said]
+) -> None:
+    for name in FILES:
+        (tmp_path / name).write_text("old")
     words = (case / "robot.toml", case / "recording.csv", "--validate", case / "validation.csv")
-    loud = front.diagnose(*words, "--out", tmp_path / "loud")
+    loud = front.diagnose(*words, "--out", tmp_path)
     assert loud.code == 0
     assert "Coulomb friction" in loud.out
     assert "joint1" in loud.out
@@ -124,19 +129,11 @@ def test_the_summary_goes_to_stdout_and_progress_to_stderr(case: Path, tmp_path:
     assert loud.out.index("standard") < loud.out.index("What is missing")  # the table comes first
     assert "weighing" not in loud.out
     assert loud.err
-    found = json.loads((tmp_path / "loud" / "diagnosis.json").read_text("utf-8"))
-    assert [Path(name).name for name in found["validation"]] == ["validation.csv"]
-
-
-def test_a_run_replaces_old_files_and_says_the_same_again(
-    case: Path, tmp_path: Path, front: Front, first: tuple[Path, Said]
-) -> None:
-    for name in FILES:
-        (tmp_path / name).write_text("old")
-    assert front.diagnose(case / "robot.toml", case / "recording.csv", "--out", tmp_path).code == 0
     second = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert set(second) == FILES
-    assert json.loads(second["diagnosis.json"])["schema"] == 2
+    found = json.loads(second["diagnosis.json"])
+    assert [Path(name).name for name in found["validation"]] == ["validation.csv"]
+    assert found["schema"] == 2
     assert b"old" not in second.values()
     for name in ("diagnosis.json", "robot.augmented.toml"):
         assert (first[0] / name).read_bytes() == second[name]

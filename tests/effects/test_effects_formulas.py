@@ -26,6 +26,7 @@ def _joint(effect_id: str) -> JointEffect:
 
 CASES = [
     ("viscous_friction", {"coefficient": 3.0}, {"velocity": -2.0}, 6.0),
+    ("quadratic_drag", {"coefficient": 3.0}, {"velocity": -2.0}, 12.0),
     ("coulomb_friction", {"torque": 4.0}, {"velocity": 0.5}, -4.0),
     ("coulomb_friction", {"torque": 4.0}, {"velocity": -0.5}, 4.0),
     ("coulomb_friction", {"torque": 4.0}, {"velocity": 0.0}, 0.0),

@@ -10,6 +10,7 @@ import pytest
 from effect_cases import GEAR, named, typical
 from hypothesis import given
 from hypothesis import strategies as st
+from quick_ones import quick_places
 
 from reference_model.effects.base import GearEffect, GearSignals
 from reference_model.effects.catalogue import get_effect
@@ -94,7 +95,7 @@ def around(law: Law, effect: GearHysteresis, p: dict[str, float], amplitude: flo
     return float(np.trapezoid(np.array(torque)[last], twist[last]))
 
 
-@pytest.mark.parametrize("amplitude", [5e-5, 3e-4, 2e-3])
+@pytest.mark.parametrize("amplitude", quick_places([5e-5, 3e-4, 2e-3], 1))
 def test_the_area_of_the_loop_is_the_closed_form(amplitude: float) -> None:
     effect = GearHysteresis()
     p = values_of(effect)

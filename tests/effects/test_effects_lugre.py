@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from effect_cases import Array, motion
+from quick_ones import quick_places
 from scipy.integrate import solve_ivp
 
 from reference_model.effects.along import EffectAlong
@@ -124,7 +125,9 @@ def _reference(signals: Array, parameters: dict[str, float]) -> Array:
     return np.asarray(-(s0 * zs + damping * (velocity - s0 * np.abs(velocity) * zs / level)))
 
 
-@pytest.mark.parametrize(("stiffness", "damping"), [(1e3, 5.0), (1e5, 50.0), (1e7, 100.0)])
+@pytest.mark.parametrize(
+    ("stiffness", "damping"), quick_places([(1e3, 5.0), (1e5, 50.0), (1e7, 100.0)], 0, 1)
+)
 def test_along_agrees_with_an_independent_integrator(stiffness: float, damping: float) -> None:
     signals = motion(samples=250, duration=1.0)
     parameters = {**FRICTION, "bristle_stiffness": stiffness, "bristle_damping": damping}

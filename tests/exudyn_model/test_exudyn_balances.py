@@ -29,7 +29,7 @@ def test_a_heavy_bent_beam_keeps_its_energy_as_it_swings() -> None:
         links=(Link(name="pole", beam=beam(modes=2)),),
         joints=(swing,),
         gravity=(0.0, 0.0, -3.0),
-        reference=Reference(duration=0.3, sample_rate=100.0),
+        reference=Reference(duration=0.15, sample_rate=100.0),
     )
     found = simulate(robot, sensors=False, step=2e-4)
     assert np.abs(found["pole.tip_deflection.z"]).max() > 5e-4

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from exudyn_robots import GRAVITY, tumbling_robot
 from flexible_robots import free_robot
+from quick_ones import quick_names
 
 from exudyn_model import simulate
 from reference_model.simulation import simulate as reference_simulate
@@ -47,7 +48,10 @@ def largest(first: Recording, second: Recording, quantity: str) -> float:
     return max((float(np.abs(first[name] - second[name]).max()) for name in names), default=0.0)
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize(
+    "name",
+    quick_names(CONTROLLERS, "held and sampled", "held, friction fed forward"),
+)
 def test_the_engines_agree_in_closed_loop(name: str) -> None:
     robot = robot_with(CONTROLLERS[name])
     mine, theirs = simulate(robot, sensors=False), reference_simulate(robot, sensors=False, **TIGHT)
@@ -79,7 +83,8 @@ def moving_flexible_robot(**gains: float) -> Robot:
     )
 
 
-@pytest.mark.parametrize("gains", [pytest.param({}, marks=pytest.mark.proof), HELD], ids=["free", "held"])
+@pytest.mark.proof
+@pytest.mark.parametrize("gains", [{}, HELD], ids=["free", "held"])
 def test_full_computed_torque_of_a_flexible_robot_meets_at_second_order(gains: dict[str, float]) -> None:
     robot = moving_flexible_robot(**gains)
     theirs = reference_simulate(robot, sensors=False, **TIGHT)

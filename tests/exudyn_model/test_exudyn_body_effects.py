@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from exudyn_robots import joint
+from quick_ones import quick_names
 
 from exudyn_model import simulate
 from exudyn_model.effects.build import MOUNT as MOUNT_EFFECT
@@ -144,7 +145,7 @@ def worst(one: Recording, other: Recording) -> float:
     return max(gaps)
 
 
-@pytest.mark.parametrize("case", list(CASES))
+@pytest.mark.parametrize("case", quick_names(CASES, "flexibility", "slosh", "contact", "mount"))
 def test_the_engines_meet_with_the_square_of_the_step(case: str) -> None:
     robot, uses = CASES[case]
     robot = robot.with_effects(*uses)
@@ -221,14 +222,20 @@ MOUNT = effect("base_motion", "base", compliance=1e-4, mass=60.0, inertia=8.0)
 @pytest.mark.parametrize(
     ("robot", "uses"),
     [
-        (hanging_ball(), (MOUNT,)),
-        (
+        pytest.param(hanging_ball(), (MOUNT,), id="mount under a ball"),
+        pytest.param(
             BLADE.model_copy(update={"base": grounded().base, "gravity": (0.0, 1.0, -0.5)}),
             (MOUNT, effect("payload", "arm", mass=0.6, x=1.0, y=0.1)),
+            id="mount under a loaded beam",
+            marks=pytest.mark.proof,
         ),
-        (welded_tool(), (effect("contact", "tool", **{**WALL, "x": 0.2}),)),
+        pytest.param(
+            welded_tool(),
+            (effect("contact", "tool", **{**WALL, "x": 0.2}),),
+            id="wall at a welded tool",
+            marks=pytest.mark.proof,
+        ),
     ],
-    ids=["mount under a ball", "mount under a loaded beam", "wall at a welded tool"],
 )
 def test_what_rests_or_is_welded_pushes_alike(robot: Robot, uses: tuple[EffectUse, ...]) -> None:
     moving = robot.model_copy(update={"reference": Reference(duration=0.1, sample_rate=100.0)})

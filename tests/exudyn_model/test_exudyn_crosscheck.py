@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from exudyn_robots import GRAVITY, tumbling_robot
+from quick_ones import quick_names
 
 from exudyn_model import simulate
 from reference_model.simulation import simulate as reference_simulate
@@ -80,7 +81,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", quick_names(CASES, "two_link_arm", "stribeck", "lugre", "sampled", "drive"))
 def test_the_engines_agree(name: str) -> None:
     robot = CASES[name]
     mine = simulate(robot, sensors=False, step=5e-4)
@@ -92,9 +93,7 @@ def test_the_engines_agree(name: str) -> None:
     assert largest(mine, theirs, "reference_position") < 1e-14
 
 
-@pytest.mark.parametrize(
-    "name", ["two_link_arm", pytest.param("single_axis", marks=pytest.mark.proof), "lugre"]
-)
+@pytest.mark.parametrize("name", quick_names(["two_link_arm", "single_axis", "lugre"], "two_link_arm"))
 def test_their_difference_falls_with_the_step(name: str) -> None:
     robot = CASES[name]
     theirs = reference_simulate(robot, sensors=False, **TIGHT)

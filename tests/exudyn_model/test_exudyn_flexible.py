@@ -85,6 +85,7 @@ def test_nothing_inside_a_free_robot_changes_its_momentum() -> None:
             np.testing.assert_allclose(momentum, momentum[0], atol=2e-5)
 
 
+@pytest.mark.proof
 def test_its_difference_falls_at_second_order() -> None:
     robot = free_robot()
     names = ("elbow.position", "boom.tip_deflection.y", "boom.tip_deflection.z", "shoulder.position")
@@ -138,6 +139,7 @@ def test_the_engines_agree_on_a_spherical_joint() -> None:
     assert largest(mine, theirs, ("velocity", "angular_velocity")) < 2e-3
 
 
+@pytest.mark.proof
 def test_exact_beams_meet_the_modes_as_elements_grow_in_number() -> None:
     gaps = []
     for elements in (4, 8):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from quick_ones import quick_names
 
 import exudyn_model
 from exudyn_model.effects import effects_of
@@ -48,8 +49,8 @@ def difference(one: Recording, other: Recording, *channels: str) -> float:
     return max(float(np.abs(one[c] - other[c]).max()) for c in channels)
 
 
-@pytest.mark.parametrize("formulation", ["tree", "redundant"])
-@pytest.mark.parametrize("gear", GEARS)
+@pytest.mark.parametrize("gear", quick_names(GEARS, "elastic with play", "elastic and lossy"))
+@pytest.mark.parametrize("formulation", ["tree", pytest.param("redundant", marks=pytest.mark.proof)])
 def test_both_engines_move_alike_and_closer_with_the_step(gear: str, formulation: Any) -> None:
     robot = arm(*GEARS[gear])
     exact = reference(robot, sensors=False, rtol=1e-10, atol=1e-12)
@@ -143,7 +144,7 @@ def test_a_servos_back_emf_is_the_motors() -> None:
     assert difference(own, exact, "joint1.voltage", "joint1.torque") < 0.01
 
 
-@pytest.mark.parametrize("formulation", ["tree", "redundant"])
+@pytest.mark.parametrize("formulation", ["tree", pytest.param("redundant", marks=pytest.mark.proof)])
 def test_free_bases_carry_motors_too(formulation: Any) -> None:
     data = load_robot("six_joint_space_arm").model_dump()
     data["sensors"], data["effects"] = [], []

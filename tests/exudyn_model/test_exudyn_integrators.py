@@ -60,6 +60,7 @@ def test_modal_coordinates_have_a_settled_order_and_sign() -> None:
     assert np.all(deflection * second >= 0)  # positive modes move the tip along the positive axis
 
 
+@pytest.mark.proof
 def test_constraints_that_diverge_tell_time_and_state() -> None:
     robot = pendulum(controller=JointPD(kp=-1e4), joints=(START.model_copy(update={"actuator": Actuator()}),))
     with pytest.raises(InputError, match=r"diverges after 0\.\d+ s \(hinge at .* moving"):

@@ -17,7 +17,7 @@ def moving_cart(**changes: object) -> Robot:
     motion = MultiSine(joint="slide", amplitudes=(0.1,), frequencies=(0.7,), ramp=0.2)
     given = {
         "controller": JointPD(kp=500.0, kd=60.0),
-        "reference": Reference(duration=4.0, sample_rate=250.0, joints=(motion,)),
+        "reference": Reference(duration=1.0, sample_rate=1000.0, joints=(motion,)),
         "sensors": (
             Sensor(channel="slide.position", noise=NOISE, resolution=RESOLUTION),
             Sensor(channel="slide.torque", noise=0.0, resolution=0.0),

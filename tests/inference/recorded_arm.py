@@ -77,6 +77,11 @@ def weak_spring(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) ->
     return 0.003 * position
 
 
+def drag(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """A fluid that the joint stirs."""
+    return 0.4 * np.abs(velocity) * velocity
+
+
 def asymmetric(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     return 0.15 * np.abs(velocity)
 

@@ -10,6 +10,7 @@ from recorded_arm import (
     COULOMB,
     Hidden,
     asymmetric,
+    drag,
     nothing,
     push,
     recorded,
@@ -45,6 +46,7 @@ def linear(effect: str) -> Term:
     [
         (spring, "cable_spring", {"stiffness": 1.5}),
         (asymmetric, "asymmetric_friction", {"viscous_difference": 0.15}),
+        (drag, "quadratic_drag", {"coefficient": 0.4}),
         (wave, "torque_ripple", {"order": 7.0, "cosine": -0.3, "sine": 0.2}),
     ],
 )

@@ -165,10 +165,10 @@ def test_friction_that_the_joint_has_not_is_stated_as_zero(arm: Robot) -> None:
 
 
 def test_a_force_of_no_known_effect_beside_a_law_of_the_file_stays_without_a_name(arm: Robot) -> None:
-    def cube(time: Array, position: Array, velocity: Array) -> Array:
-        return 0.05 * velocity**3
+    def thinning(time: Array, position: Array, velocity: Array) -> Array:
+        return 0.3 * np.arctan(velocity)
 
-    told = diagnosed(with_stribeck(arm), both(excess, cube)).diagnosis
+    told = diagnosed(with_stribeck(arm), both(excess, thinning)).diagnosis
     assert told.findings == ()
     (force,) = told.unnamed
     assert force.depends_on == ("joint.velocity",)

@@ -153,13 +153,18 @@ def test_what_cannot_be_read_is_one_sentence(
     sent: list[tuple[object, ...]],
     also: list[tuple[str, str]],
     said: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     path = write_bag(tmp_path / name, sent, also=also)
     with pytest.raises(InputError, match=said) as refused:
         load_recording(path)
     assert str(refused.value).startswith(str(path))
+    assert "\n" not in str(refused.value)
+
+
+def test_the_command_says_so_on_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_bag(tmp_path / "a.db3", texts())
     monkeypatch.setattr("sys.argv", ["x", "inspect", str(path)])
     with pytest.raises(SystemExit) as end:
         main()

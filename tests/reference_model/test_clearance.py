@@ -28,6 +28,8 @@ def exudyn(robot: Robot) -> Recording:
 
 
 both = pytest.mark.parametrize("run", [reference, exudyn])
+#: What a test of both engines beside each other holds too.
+also_by_exudyn = pytest.mark.parametrize("run", [reference, pytest.param(exudyn, marks=pytest.mark.proof)])
 
 
 def journal(duration: float = 0.1, rate: float = 1000.0, speed: float = 0.0, **play: float) -> Robot:
@@ -76,7 +78,7 @@ def test_the_journal_falls_through_its_clearance_and_bounces(run: Callable[[Robo
     assert rebound == pytest.approx(0.9, abs=0.03)  # the law gives its restitution back to first order
 
 
-@both
+@also_by_exudyn
 def test_at_rest_it_sags_by_the_contact_alone(run: Callable[[Robot], Recording]) -> None:
     found = run(journal(duration=1.0, rate=100.0, restitution=0.2, stiffness=1e7))
     depth = (MASS * GRAVITY / 1e7) ** (2 / 3)
@@ -84,7 +86,7 @@ def test_at_rest_it_sags_by_the_contact_alone(run: Callable[[Robot], Recording])
     np.testing.assert_allclose(found["axle.contact_force"][-1], MASS * GRAVITY, rtol=1e-3)
 
 
-@both
+@also_by_exudyn
 def test_a_spinning_journal_climbs_to_the_angle_of_friction(run: Callable[[Robot], Recording]) -> None:
     """At the angle phi with tan(phi) = mu the friction is m g sin(phi), and slows the wheel."""
     found = run(journal(duration=0.3, rate=1000.0, speed=20.0, restitution=0.2, friction=0.2, radial=1e-4))
@@ -129,6 +131,7 @@ def test_both_engines_rattle_alike() -> None:
     np.testing.assert_allclose(pressed, other["joint2.contact_force"], atol=0.02 * pressed.max())
 
 
+@pytest.mark.proof
 def test_both_engines_rattle_alike_on_a_free_base_and_skew_axes() -> None:
     data = rigid().model_dump()
     data |= {"controller": {"kind": "pd", "kp": 400.0, "kd": 40.0}}

@@ -74,7 +74,8 @@ def test_without_friction_states_the_order_is_four() -> None:
     assert order(robot, channels, (2.5e-3, 1.25e-3)) == pytest.approx(4, abs=0.3)  # next order's share
 
 
-@pytest.mark.parametrize("loaded", [False, pytest.param(True, marks=pytest.mark.proof)])
+@pytest.mark.proof
+@pytest.mark.parametrize("loaded", [False, True])
 def test_with_bristles_the_order_is_two(loaded: bool) -> None:
     law = LUGRE | (LOADED if loaded else {})
     robot = manoeuvre("flexible_space_robot", [{**law, "at": "joint1"}, {**law, "at": "joint2"}])

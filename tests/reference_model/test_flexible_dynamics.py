@@ -63,6 +63,7 @@ def test_free_flight_keeps_its_momentum() -> None:
         assert np.abs(recording[f"robot.angular_momentum.{axis}"]).max() < 1e-8 * 1e3
 
 
+@pytest.mark.proof
 def test_passive_motion_follows_from_the_joints_alone() -> None:
     """Friction and control act at the joints: base and modes follow from the joint motion without them."""
     robot = load_robot("flexible_space_robot").with_effects(

@@ -28,7 +28,7 @@ def moved_by_nothing(recording: Recording, tolerance: float) -> None:
     assert np.ptp(recording["robot.work"]) > 0.1 * recording["robot.energy"].max()
 
 
-@pytest.mark.parametrize("inboard", [False, True])
+@pytest.mark.parametrize("inboard", [False, pytest.param(True, marks=pytest.mark.proof)])
 def test_control_friction_and_bending_leave_momentum_and_energy_balance_alone(inboard: bool) -> None:
     robot = space_robot(3.0, inboard=inboard, effects=FRICTION)
     # the drift is of the size of the integration's tolerance; 1e-11 was seen

@@ -195,6 +195,7 @@ def test_energy_is_balanced_through_the_changes_of_mode() -> None:
     assert np.all(heat <= 0)
 
 
+@pytest.mark.proof
 def test_smoothed_friction_tends_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
     effects = [{"effect": "coulomb_friction", "at": "shoulder", "torque": 3.0}]
     effects.append(

@@ -41,7 +41,9 @@ def stiff(**controller: float) -> Robot:
 
 
 @pytest.mark.parametrize("integral", [0.0, 100.0], ids=["proportional", "integral"])
-@pytest.mark.parametrize(("rtol", "allowed"), [(1e-5, 1e-5), (1e-7, 1e-7)])
+@pytest.mark.parametrize(
+    ("rtol", "allowed"), [(1e-5, 1e-5), pytest.param(1e-7, 1e-7, marks=pytest.mark.proof)]
+)
 def test_stiff_friction_under_a_sampled_controller(
     integral: float, rtol: float, allowed: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -67,7 +69,13 @@ def test_a_piece_that_takes_too_many_steps_is_left_to_cvodes(monkeypatch: pytest
 
 
 @pytest.mark.parametrize("integral", [0.0, 100.0], ids=["proportional", "integral"])
-@pytest.mark.parametrize("rate", [250.0, 333.0], ids=["on the controller's instants", "between them"])
+@pytest.mark.parametrize(
+    "rate",
+    [
+        pytest.param(250.0, id="on the controller's instants", marks=pytest.mark.proof),
+        pytest.param(333.0, id="between them"),
+    ],
+)
 def test_chains_are_what_single_steps_are(
     integral: float, rate: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,6 +28,8 @@ def exudyn(robot: Robot) -> Recording:
 
 
 both = pytest.mark.parametrize("run", [reference, exudyn])
+#: What a test of both engines beside each other holds too.
+also_by_exudyn = pytest.mark.parametrize("run", [reference, pytest.param(exudyn, marks=pytest.mark.proof)])
 
 
 def tempered(robot: Robot, temperature: dict, **more: float) -> Robot:
@@ -55,7 +57,7 @@ def test_viscous_friction_follows_a_constant_temperature(
     np.testing.assert_allclose(found["slide.temperature"], temperature)
 
 
-@both
+@also_by_exudyn
 def test_static_and_kinetic_friction_have_factors_of_their_own(run: Callable[[Robot], Recording]) -> None:
     """On an incline a block holds up to the static level, and slides against the kinetic one."""
     for temperature, static, kinetic in ((COLD, 5.0, 10.0), (WARM, 1.0, 1.0)):
@@ -156,6 +158,7 @@ def test_without_rates_nothing_changes() -> None:
     np.testing.assert_array_equal(reference(plain)["slide.position"], reference(still)["slide.position"])
 
 
+@pytest.mark.proof
 def test_a_fixed_step_carries_the_warming() -> None:
     heat = {"kind": "self_heating", "ambient": 250.0, "capacity": 2.0, "resistance": 5.0}
     robot = tempered(block(viscous(0.5), tilt=0.5, velocity=2.0), heat)

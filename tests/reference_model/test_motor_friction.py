@@ -21,6 +21,8 @@ def exudyn(robot: Robot) -> Recording:
 
 
 both = pytest.mark.parametrize("run", [reference, exudyn])
+#: What a test of both engines beside each other holds too.
+also_by_exudyn = pytest.mark.parametrize("run", [reference, pytest.param(exudyn, marks=pytest.mark.proof)])
 GEAR = {"effect": "joint_elasticity", "at": "hinge", "stiffness": 2000.0, "damping": 5.0}
 
 
@@ -82,7 +84,7 @@ def test_both_engines_rub_alike_on_both_sides() -> None:
         np.testing.assert_allclose(own[name], other[name], atol=2e-5, err_msg=name)
 
 
-@both
+@also_by_exudyn
 def test_a_gear_that_hardens_swings_as_a_duffing_oscillator(run: Callable[[Robot], Recording]) -> None:
     push = {"effect": "external_torque", "at": "hinge", "torque": 3000.0, "start": 0.0, "duration": 2e-3}
     spring = {**GEAR, "damping": 0.0, "cubic_stiffness": 2e7}

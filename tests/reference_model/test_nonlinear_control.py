@@ -25,6 +25,8 @@ def exudyn(robot: Robot) -> Recording:
 
 
 both = pytest.mark.parametrize("run", [reference, exudyn])
+#: What a test of both engines beside each other holds too.
+also_by_exudyn = pytest.mark.parametrize("run", [reference, pytest.param(exudyn, marks=pytest.mark.proof)])
 SLIDING = {"kind": "sliding_mode", "slope": 2.0, "rate": 1.0, "boundary_layer": 1e-3}
 NETWORK = {"kind": "adaptive_network", "kp": 25.0, "kd": 10.0, "centres": 5, "width": 1.0, "adaptation": 0.0}
 RUBBING = {"effect": "viscous_friction", "at": "slide", "coefficient": 3.0}
@@ -73,7 +75,7 @@ def test_the_sliding_variable_falls_along_its_reaching_law(
     assert np.all(np.abs(surface[time > time[outside][-1] + 0.1]) < 1e-3)  # and stays in the layer
 
 
-@both
+@also_by_exudyn
 def test_inside_the_layer_it_is_computed_torque(run: Callable[[Robot], Recording]) -> None:
     wide = {**SLIDING, "boundary_layer": 10.0, "rate": 80.0}  # p = 8 1/s
     linear = {"kind": "computed_torque", "kp": 2.0 * 8.0, "kd": 2.0 + 8.0}
@@ -82,14 +84,14 @@ def test_inside_the_layer_it_is_computed_torque(run: Callable[[Robot], Recording
     np.testing.assert_allclose(own["joint2.torque"], other["joint2.torque"], atol=1e-5)
 
 
-@both
+@also_by_exudyn
 def test_a_network_that_does_not_adapt_is_computed_torque(run: Callable[[Robot], Recording]) -> None:
     linear = {"kind": "computed_torque", "kp": 25.0, "kd": 10.0}
     own, other = (run(arm(law, FRICTION)) for law in (NETWORK, linear))
     np.testing.assert_allclose(own["joint1.position"], other["joint1.position"], atol=1e-8)
 
 
-@both
+@also_by_exudyn
 def test_basis_functions_without_end_are_integral_action(run: Callable[[Robot], Recording]) -> None:
     """With phi = 1 the m weights make a = m adaptation (e + kd/2 int e): the PID of a pushed block."""
     network = {**NETWORK, "width": 1e6, "adaptation": 4.0}
@@ -99,7 +101,7 @@ def test_basis_functions_without_end_are_integral_action(run: Callable[[Robot], 
     np.testing.assert_allclose(own["slide.position"], other["slide.position"], atol=1e-6)
 
 
-@both
+@also_by_exudyn
 def test_leakage_bounds_the_weights(run: Callable[[Robot], Recording]) -> None:
     """At rest W = phi s / leakage, so that an error w/(kp + m kd/(2 leakage)) is left under a push w."""
     network = {**NETWORK, "width": 1e6, "adaptation": 40.0, "leakage": 0.5}

@@ -160,7 +160,7 @@ def test_feed_forward_of_the_friction_level_takes_the_error_away() -> None:
     np.testing.assert_allclose(ahead, 5.0 / 300.0, rtol=1e-3)  # without friction it pushes too far
 
 
-@pytest.mark.parametrize("base", ["fixed", "free"])
+@pytest.mark.parametrize("base", ["fixed", pytest.param("free", marks=pytest.mark.proof)])
 def test_feed_forward_of_the_bearing_load_reduces_the_tracking_error(base: str) -> None:
     effects = [
         {"effect": "load_dependent_friction", "at": f"joint{k}", "coefficient": 0.3, "gear_share": 0.0}
@@ -190,6 +190,7 @@ def test_torque_limits_bind_a_computed_torque() -> None:
     np.testing.assert_array_equal(torque.max(axis=0), 0.5 * peak)
 
 
+@pytest.mark.proof
 def test_a_sampled_hold_of_base_and_joints_tends_to_the_continuous_one() -> None:
     def run(hold: float) -> np.ndarray:
         gains = {**HELD, "sample_time": hold, "coulomb_feedforward": 0.05}

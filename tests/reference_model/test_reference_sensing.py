@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from quick_ones import quick_names
 from test_reference_control import axis
 
 from reference_model.simulation import simulate
@@ -120,7 +121,7 @@ def test_a_short_push_during_a_rest_is_not_stepped_over() -> None:
     assert 0.1 < np.abs(recording["x.velocity"]).max() < 0.5
 
 
-@pytest.mark.parametrize("name", shipped_robots())
+@pytest.mark.parametrize("name", quick_names(shipped_robots(), "single_axis", "two_link_arm"))
 def test_shipped_robots_move_within_their_limits(name: str) -> None:
     robot = load_robot(name)
     recording = simulate(robot, sensors=False)

@@ -75,6 +75,7 @@ def test_it_breaks_away_within_a_step_of_the_static_level() -> None:
     assert start <= first <= start + 2.5e-3
 
 
+@pytest.mark.proof
 def test_it_approaches_exact_stiction_with_the_step() -> None:
     robot = slow_arm()
     exact = simulate(robot, sensors=False, stiction=True)

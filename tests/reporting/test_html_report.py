@@ -212,6 +212,64 @@ def test_rivals_are_said_where_the_data_cannot_tell() -> None:
     assert "These data cannot distinguish it from" in text
 
 
+def scattered(result: Result) -> Result:
+    """The same with an effect at another place between its two findings, and more at that place."""
+    friction, offset = result.diagnosis.findings
+    others = tuple(
+        replace(offset, effect=effect, location="joint1") for effect in ("cable_spring", "torque_ripple")
+    )
+    findings = (friction, others[0], offset, others[1], replace(offset, effect="payload", location="link2"))
+    return replace(result, diagnosis=replace(result.diagnosis, findings=findings))
+
+
+def test_findings_of_a_place_stand_together_on_the_first_screen_and_below(result: Result) -> None:
+    text = Page(render_html(scattered(result), two_link_arm())).text
+    first = (
+        "joint2 Coulomb friction 97 %, Torque offset > 99.9 % joint1 Cable or hose spring > 99.9 %, Torque"
+    )
+    assert first in text
+    below = [
+        text.index(f"{name} at {place}", text.index("What the simulation leaves out"))
+        for name, place in (
+            ("Coulomb friction", "joint2"),
+            ("Torque offset", "joint2"),
+            ("Cable or hose spring", "joint1"),
+        )
+    ]
+    assert below == sorted(below)
+
+
+def test_a_long_answer_in_words_is_folded_away(page: Page, result: Result) -> None:
+    long = Page(render_html(scattered(result), two_link_arm()))
+    folded = "The answer in one paragraph"
+    assert folded in long.text
+    assert folded not in page.text
+    assert result.diagnosis.summary in long.text
+
+
+def test_what_was_tried_twice_to_the_same_end_is_listed_once(result: Result) -> None:
+    again = replace(result, ladder=(*result.ladder, *result.ladder))
+    own, twice = (Page(render_html(found, two_link_arm())) for found in (result, again))
+    assert twice.figures["ladder-bars-spec"] == own.figures["ladder-bars-spec"]
+    assert twice.text.count("lowers the held-out error most") == 1
+
+
+def test_a_curve_that_was_tried_is_no_effect(result: Result) -> None:
+    rung = replace(result.ladder[0], effect="unknown_of_direction_and_position")
+    text = Page(render_html(replace(result, ladder=(rung,)), two_link_arm())).text
+    assert "Force without a name, over direction and position" in text
+
+
+def test_shares_of_torques_come_before_those_of_encoders(result: Result) -> None:
+    torque = result.diagnosis.mismatch[0]
+    gap = replace(torque, channel="joint1.position", location="joint1", share=1.0, words="")
+    both = replace(result.diagnosis, mismatch=(gap, torque))
+    text = Page(render_html(replace(result, diagnosis=both), two_link_arm())).text
+    start = text.index("Where the recording and the nominal robot differ", text.index("Spectral peaks") - 900)
+    assert text.index("joint2.torque", start) < text.index("joint1.position", start)
+    assert "of the differences of encoders each by itself" in text
+
+
 def test_numbers_that_are_none_do_not_break_it() -> None:
     result = hidden_friction(seconds=2.0)
     nan = float("nan")

@@ -139,6 +139,22 @@ def test_the_first_line_brackets_the_rivals_of_each_finding() -> None:
     )
 
 
+def test_findings_of_a_place_and_shares_of_a_kind_stand_together() -> None:
+    result = hidden_friction(seconds=4.0)
+    friction, offset = result.diagnosis.findings
+    spring = replace(offset, effect="cable_spring", location="joint1")
+    torque = result.diagnosis.mismatch[0]
+    gap = replace(
+        torque, channel="joint1.position", location="joint1", share=1.0, words="its encoders differ"
+    )
+    mixed = replace(result.diagnosis, findings=(friction, spring, offset), mismatch=(gap, torque))
+    text = printed(replace(result, diagnosis=mixed))
+    below = text.index("What is missing")
+    places = [text.index(words, below) for words in ("Coulomb", "Torque offset", "Cable or hose spring")]
+    assert places == sorted(places)
+    assert text.index(torque.words) < text.index("its encoders differ")
+
+
 def test_proven_names_beside_something_without_a_name_do_not_claim_everything() -> None:
     result = hidden_friction(seconds=4.0)
     more = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), 0.5, 1.0, (), (), "A curve.")

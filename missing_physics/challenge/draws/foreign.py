@@ -49,12 +49,16 @@ class CubicSpring(_JointForce):
         return -self.p["stiffness"] * (now.position[self.at] - self.p["centre"]) ** 3, memory
 
 
-class QuadraticDrag(_JointForce):
-    """-c |v| v."""
+class RelaxingDrag(_JointForce):
+    """-x with T x' = c v - x: a fluid that takes a time T to yield (Maxwell)."""
+
+    def initial(self, now: ArmInstant) -> Memory:
+        return (0.0,)
 
     def acting(self, now: ArmInstant, memory: Memory) -> tuple[float, Memory]:
-        speed = now.velocity[self.at]
-        return -self.p["coefficient"] * abs(speed) * speed, memory
+        yielded = 1.0 - exp(-now.step / self.p["time"])
+        force = memory[0] + yielded * (self.p["coefficient"] * now.velocity[self.at] - memory[0])
+        return -force, (force,)
 
 
 class CoupledFriction(_JointForce):
@@ -177,9 +181,12 @@ KINDS: Mapping[str, tuple[type[_JointForce], Maker]] = MappingProxyType(
                 "centre": (s.low + s.high) / 2 + 0.2 * s.span * d.even(-1, 1),
             },
         ),
-        "quadratic_drag": (
-            QuadraticDrag,
-            lambda d, s, o: {"coefficient": s.torque * d.decades(1.5, 8.0) / s.speed**2},
+        "relaxing_drag": (
+            RelaxingDrag,
+            lambda d, s, o: {
+                "coefficient": s.torque * d.decades(1.5, 8.0) / s.speed,
+                "time": s.duration * d.decades(0.02, 0.08),
+            },
         ),
         "coupled_friction": (
             CoupledFriction,

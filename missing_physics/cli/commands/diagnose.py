@@ -116,4 +116,4 @@ def diagnose(
         sys.stdout.write(result.diagnosis.to_json())
     else:
         print_summary(result, PlainConsole())
-        print(f"Report: {out / 'report.html'}   Comparison: missing-physics view {out}")
+        print(f"\nReport: {out / 'report.html'}   Comparison: missing-physics view {out}")

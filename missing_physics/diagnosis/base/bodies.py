@@ -11,7 +11,7 @@ from missing_physics.bodies.pseudo_inertia import sizes, solid
 from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.standard.layout import Layout, bodies_of, is_known, length_of
 from reference_model.dynamics.inertial import nominal_inertial
-from reference_model.flexible.beam_numbers import BEAM_NUMBERS
+from reference_model.flexible.beam_numbers import POSITIVE
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
 
@@ -46,7 +46,7 @@ def layout_of(runs: Sequence[Rates], begun: int) -> Layout:
         start[place] = solid(nominal[place], length_of(robot, body))
         size[place] = sizes(start[place])
         free[place] = [not is_known(robot, name) for name in names[place]]
-    beams = np.flatnonzero([name.split(".")[-1] in BEAM_NUMBERS for name in names])
+    beams = np.flatnonzero([name.split(".")[-1] in POSITIVE for name in names])
     beams = beams[[start[i] > 0.0 and not is_known(robot, names[i]) for i in beams]]
     free[beams], size[beams] = True, start[beams]
     momenta = np.arange(count, len(names))

@@ -12,10 +12,12 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses.term import Term
 from missing_physics.inference.torques.coupled import behind_motors
+from missing_physics.inference.torques.links import of_link
 from missing_physics.inference.torques.runs import Run
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
+from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.model import RobotModel
 
 __all__ = ["KeptColumns", "added_to_bodies", "columns_of", "cut"]
@@ -159,6 +161,8 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
         return _sensor(term, effect, run)
     if isinstance(effect, YieldingGear):
         return _gear(term, effect, run)
+    if isinstance(effect, StructureEffect):
+        return of_link(term, effect, run)
     raise TypeError(f"{effect.id} has no columns along a motion")
 
 
@@ -193,7 +197,7 @@ def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple
         for i, k, own in zip(full, joints, run.reduce_each(joints, list(full.values()))):
             acts = np.array([k] if own.any() else [], dtype=int)
             found[i] = acts, own[:, None, :][:, : acts.size]
-    is_body = [isinstance(term.effect, BodyEffect) for term in terms]  # made of columns without vibration
+    is_body = [isinstance(term.effect, BodyEffect | StructureEffect) for term in terms]  # whitened already
     return [found[i] if own else _whitened(run, *found[i]) for i, own in enumerate(is_body)]
 
 

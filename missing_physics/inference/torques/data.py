@@ -30,6 +30,7 @@ from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, is_friction
 from reference_model.effects.base import BodyEffect, JointEffect, YieldingGear
 from reference_model.effects.catalogue import used_effects
+from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
 
@@ -125,6 +126,10 @@ class TorqueData(Data):
             if isinstance(term.effect, BodyEffect):
                 places, added, _ = added_to_bodies(term, term.effect, self.runs[0].model)
                 found[places] += added
+            elif isinstance(term.effect, StructureEffect):
+                name = f"{term.at}.{term.effect.beam_number}"
+                if name in self.layout.names:
+                    found[self.layout.names.index(name)] += term.values[0]
         return found
 
     def is_near(self, one: Array, other: Array) -> bool:

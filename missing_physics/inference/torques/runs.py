@@ -103,6 +103,11 @@ class Run:
         found[:, k] += self._viscous[k] * bent[1]
         return found
 
+    @cached_property
+    def reshaped(self) -> dict[tuple[str, str], object]:
+        """What one unit of effects that reshape links changes along the motion, kept by `links`."""
+        return {}
+
     @property
     def delays(self) -> Array:
         """Delays of the recorded torques by `numbers` [s], shape (n,)."""

@@ -13,15 +13,18 @@ from missing_physics.reporting.elements.formatting import (
     percent,
     rival_text,
 )
-from missing_physics.results.result import Diagnosis
+from missing_physics.results.result import Diagnosis, Finding, Mismatch
 from missing_physics.wording.numbers import within_text
 
 __all__ = [
     "MOVED",
     "TITLE",
+    "by_place",
     "improvement_text",
+    "located_first_to_last",
     "meaning",
     "moved_texts",
+    "name_text",
     "named_text",
     "not_judged_text",
 ]
@@ -118,11 +121,30 @@ def moved_texts(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _places(diagnosis: Diagnosis) -> list[str]:
-    """For each place, the missing effects; in brackets alternatives that cannot be told apart from them."""
-    found: dict[str, list[str]] = {}
+def by_place(diagnosis: Diagnosis) -> dict[str, list[Finding]]:
+    """The findings of each place, the place of the most probable one first."""
+    found: dict[str, list[Finding]] = {}
     for finding in diagnosis.findings:
-        rivals = [rival_text(rival, finding.location) for rival in finding.ambiguous_with]
-        either = f" (or {joined(rivals, 'or')})" if rivals else ""
-        found.setdefault(finding.location, []).append(f"{effect_title(finding.effect)}{either}")
-    return [f"{joined(dict.fromkeys(names))} at {place}" for place, names in found.items()]
+        found.setdefault(finding.location, []).append(finding)
+    return found
+
+
+def name_text(finding: Finding) -> str:
+    """The effect; in brackets alternatives that cannot be told apart from it."""
+    rivals = [rival_text(rival, finding.location) for rival in finding.ambiguous_with]
+    either = f" (or {joined(rivals, 'or')})" if rivals else ""
+    return f"{effect_title(finding.effect)}{either}"
+
+
+def located_first_to_last(diagnosis: Diagnosis) -> list[Mismatch]:
+    """Where the nominal robot and the recording differ, by share; torques and positions have shares of their
+    own, and torques come first."""
+    return sorted(diagnosis.mismatch, key=lambda m: (not m.channel.endswith(".torque"), -m.share))
+
+
+def _places(diagnosis: Diagnosis) -> list[str]:
+    """For each place, the missing effects."""
+    return [
+        f"{joined(dict.fromkeys(map(name_text, findings)))} at {place}"
+        for place, findings in by_place(diagnosis).items()
+    ]

@@ -12,6 +12,7 @@ from missing_physics.reporting.elements.formatting import (
     rival_text,
     undetermined_text,
 )
+from missing_physics.reporting.elements.verdicts import by_place
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Finding, Result
 from robot_model import Robot
@@ -20,12 +21,13 @@ __all__ = ["section"]
 
 
 def section(result: Result, robot: Robot) -> Section:
-    """One block per finding; a sentence when there is none."""
+    """One block per finding, those of a place together; a sentence when there is none."""
     diagnosis = result.diagnosis
+    together = [_finding(f) for found in by_place(diagnosis).values() for f in found]
     return Section(
         anchor="findings",
         heading="What the simulation leaves out",
-        values={"verdict": diagnosis.verdict, "findings": [_finding(f) for f in diagnosis.findings]},
+        values={"verdict": diagnosis.verdict, "findings": together},
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from missing_physics.reporting.elements.formatting import number, p_value_text, percent
+from missing_physics.reporting.elements.verdicts import located_first_to_last
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Dependence, Mismatch, Result
 from missing_physics.wording.numbers import range_text
@@ -15,13 +16,16 @@ MOST_LISTED = 6
 
 
 def section(result: Result, robot: Robot) -> Section:
-    """One row per channel, the one with most unexplained energy first."""
-    rows = sorted(result.diagnosis.mismatch, key=lambda m: -m.share)
+    """One row per channel, torques first, the one with most unexplained energy before others."""
+    rows = located_first_to_last(result.diagnosis)
     prismatic = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
     return Section(
         anchor="mismatch",
         heading="Where the recording and the nominal robot differ",
-        values={"rows": [_row(m, prismatic) for m in rows]},
+        values={
+            "rows": [_row(m, prismatic) for m in rows],
+            "kinds": len({m.channel.rpartition(".")[2] for m in rows}),
+        },
     )
 
 

@@ -8,9 +8,11 @@ from missing_physics.reporting.elements.verdicts import (
     ABSENT,
     MOVED,
     TITLE,
+    by_place,
     improvement_text,
     meaning,
     moved_texts,
+    name_text,
     named_text,
     not_judged_text,
 )
@@ -22,6 +24,8 @@ __all__ = ["section"]
 
 #: Most parameters listed on the first screen; all are in a table further down.
 MOST_MOVED = 5
+#: With more findings than these the answer in a paragraph is folded away: it repeats what stands above it.
+MOST_IN_WORDS = 4
 
 
 def section(result: Result, robot: Robot) -> Section:
@@ -36,7 +40,10 @@ def section(result: Result, robot: Robot) -> Section:
             "meaning": meaning(diagnosis),
             "summary": diagnosis.summary,
             "named": named_text(diagnosis) + not_judged_text(diagnosis),
+            "places": _places(diagnosis),
+            "silent": not_judged_text(diagnosis).removeprefix("; "),
             "probabilities": _probabilities(diagnosis),
+            "folded": len(diagnosis.findings) > MOST_IN_WORDS,
             "improvement": improvement_text(diagnosis),
             "improvement_note": _improvement_note(diagnosis),
             "moved_heading": MOVED,
@@ -47,6 +54,17 @@ def section(result: Result, robot: Robot) -> Section:
             "timing": timing_lines(diagnosis),
         },
     )
+
+
+def _places(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Each place with its effects and their probabilities; empty where one line says it."""
+    found = by_place(diagnosis)
+    if len(found) < 2 or diagnosis.verdict == "unexplained":
+        return []
+    return [
+        (place, ", ".join(f"{name_text(f)} {probability_text(f.probability)}" for f in findings))
+        for place, findings in found.items()
+    ]
 
 
 def _probabilities(diagnosis: Diagnosis) -> str:

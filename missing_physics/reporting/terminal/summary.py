@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import chain
 
 from rich.console import Console
 from rich.padding import Padding
@@ -29,7 +30,9 @@ from missing_physics.reporting.elements.verdicts import (
     ABSENT,
     MOVED,
     TITLE,
+    by_place,
     improvement_text,
+    located_first_to_last,
     meaning,
     moved_texts,
     named_text,
@@ -90,7 +93,7 @@ def _comparison(diagnosis: Diagnosis, console: Console) -> None:
 def _mismatch(diagnosis: Diagnosis, console: Console) -> None:
     if diagnosis.mismatch:
         _heading("Where model and recording differ", console)
-    for item in sorted(diagnosis.mismatch, key=lambda m: -m.share)[:MOST_LISTED]:
+    for item in located_first_to_last(diagnosis)[:MOST_LISTED]:
         console.print(Padding(Text(_mismatch_words(item)), INDENT, expand=False))
 
 
@@ -101,7 +104,7 @@ def _mismatch_words(item: Mismatch) -> str:
 def _findings(diagnosis: Diagnosis, console: Console) -> None:
     if diagnosis.findings:
         _heading("What is missing", console)
-    for finding in diagnosis.findings:
+    for finding in chain.from_iterable(by_place(diagnosis).values()):
         line = Text(finding_text(finding), style="bold")
         line.append(f"  {probability_text(finding.probability)}", style="not bold")
         if finding.ambiguous_with:

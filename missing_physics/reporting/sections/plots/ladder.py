@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from missing_physics.reporting.elements import palette
 from missing_physics.reporting.elements.figures import Figure, axis, label, layout
@@ -15,23 +16,34 @@ __all__ = ["section"]
 
 #: Rungs in the picture; the table lists all.
 MOST_BARS = 25
+#: How the names of forces begin that are only curves.
+UNNAMED = "unknown_of_"
 
 
 def section(result: Result, robot: Robot) -> Section | None:
     """Table and bars; None when nothing was tried."""
     if not result.ladder:
         return None
+    rungs = _distinct(result.ladder)
     return Section(
         anchor="ladder",
         heading="Ladder of explanations",
-        values={"rows": [_row(rung) for rung in result.ladder]},
-        figures=[_bars(result)],
+        values={"rows": [_row(rung) for rung in rungs]},
+        figures=[_bars(rungs)],
     )
+
+
+def _distinct(ladder: Sequence[Rung]) -> list[Rung]:
+    """Every explanation once: a search that starts twice tries some of them again, to the same numbers."""
+    found: dict[tuple[object, ...], Rung] = {}
+    for rung in ladder:
+        found.setdefault((rung.effect, rung.location, rung.added_to, number(rung.evidence)), rung)
+    return list(found.values())
 
 
 def _row(rung: Rung) -> dict[str, object]:
     return {
-        "title": effect_title(rung.effect),
+        "title": _title(rung.effect),
         "location": rung.location,
         "added_to": [_label(term) for term in rung.added_to],
         "train": number(rung.train_rms),
@@ -45,24 +57,32 @@ def _row(rung: Rung) -> dict[str, object]:
 def _label(term: str) -> str:
     """`effect@place` in words."""
     effect, _, place = term.partition("@")
-    return f"{effect_title(effect)} at {place}" if place else effect_title(effect)
+    return f"{_title(effect)} at {place}" if place else _title(effect)
 
 
-def _bars(result: Result) -> Figure:
-    usable = [rung for rung in result.ladder if math.isfinite(rung.validation_rms)]
+def _title(effect: str) -> str:
+    """An effect's name; a force that has none is said by what it is a curve over."""
+    if effect.startswith(UNNAMED):
+        return f"Force without a name, over {effect.removeprefix(UNNAMED).replace('_', ' ')}"
+    return effect_title(effect)
+
+
+def _bars(rungs: Sequence[Rung]) -> Figure:
+    usable = [rung for rung in rungs if math.isfinite(rung.evidence)]
     kept = [rung for rung in usable if rung.kept]
-    others = sorted((r for r in usable if not r.kept), key=lambda r: r.validation_rms)
+    others = sorted((r for r in usable if not r.kept), key=lambda r: -r.evidence)
     shown = [r for r in usable if r.kept or r in others[: max(MOST_BARS - len(kept), 0)]][:MOST_BARS]
     words = [
-        label(f"{count} · {effect_title(rung.effect)} at {rung.location}")
-        for count, rung in _numbered(result, shown)
+        label(f"{count} · {_title(rung.effect)} at {rung.location}")
+        for count, rung in enumerate(rungs, 1)
+        if any(rung is one for one in shown)
     ]
     bars = {
         "type": "bar",
         "orientation": "h",
         "y": words,
-        "x": [rung.validation_rms for rung in shown],
-        "text": [f"{number(rung.validation_rms)} {'kept' if rung.kept else 'rejected'}" for rung in shown],
+        "x": [rung.evidence for rung in shown],
+        "text": [f"{number(rung.evidence)} {'kept' if rung.kept else 'rejected'}" for rung in shown],
         "textposition": "outside",
         "cliponaxis": False,
         "marker": {
@@ -75,15 +95,14 @@ def _bars(result: Result) -> Figure:
         name="ladder-bars",
         data=[bars],
         layout=layout(
-            xaxis=axis("held-out rms after adding it (whitened)", rangemode="tozero"),
+            xaxis=axis("log score gained over leaving it out, prior included [nats]", rangemode="tozero"),
             yaxis=axis("", autorange="reversed", ticks=""),
             margin={"l": 20, "r": 110, "t": 40, "b": 50},
             bargap=0.35,
         ),
-        caption="Numbered as in the table. Blue: kept; hatched: rejected. Shorter is better.",
+        caption=(
+            "Numbered as in the table. Blue: part of the answer; hatched: rejected in the end, for what "
+            "explains more or is more credible. Each is compared with what it was added to."
+        ),
         height=120 + 30 * len(shown),
     )
-
-
-def _numbered(result: Result, shown: list[Rung]) -> list[tuple[int, Rung]]:
-    return [(next(i for i, r in enumerate(result.ladder, 1) if r is rung), rung) for rung in shown]

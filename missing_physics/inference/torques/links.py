@@ -1,0 +1,120 @@
+"""Columns of what is wrong with a link that bends: forces on its modes, and what joints feel of them.
+
+With the changed link, the motion of the modes that was found with the link of the robot file leaves forces in
+the equations of base, joints and modes. The modes answer them with the stiffness and damping that the change
+gives them; what that changes in the velocities beyond is neglected (`missing_physics.evaluation.response`).
+Where what changes is a number of a beam, the motion of the modes is integrated anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.hypotheses.term import Term
+from missing_physics.inference.torques.runs import Run
+from missing_physics.standard.prediction import Along
+from reference_model.dynamics.tree import flexible_bodies
+from reference_model.effects.structure import StructureEffect
+from reference_model.evaluation.model import RobotModel
+from robot_model import Robot
+
+__all__ = ["of_link"]
+
+Array = NDArray[np.float64]
+
+#: Step of a derivative by the parameter, as a part of its size or of a typical one: small beside the scale on
+#: which a resonance changes, large beside rounding.
+STEP = 1e-3
+#: Models that are kept: two effects at two links.
+KEPT = 4
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """What one unit of an effect changes along one motion.
+
+    Attributes:
+        forces: that the recorded motion leaves in the equations, shape (N, rows).
+        stiffness, damping: of the modes, shape (s, s) each.
+    """
+
+    forces: Array
+    stiffness: Array
+    damping: Array
+
+
+def of_link(term: Term, effect: StructureEffect, run: Run) -> Array:
+    """Columns of an effect that reshapes a link, as `columns.columns_of` gives them.
+
+    Where recordings are linearised about a number of a beam that the effect changes, they are linear in it.
+    """
+    (p,) = effect.parameters
+    value = term.parameters[p.name]
+    number = f"{term.at}.{effect.beam_number}"
+    place = run.model.inertial_names.index(number) if number in run.model.inertial_names else None
+    if place is not None and run.along.inertial[place] != 0.0:
+        slope = run.rows.inertial[:, :, place]
+        return np.stack([slope * value, slope] if term.free else [slope * value], axis=2)
+    step = STEP * max(abs(value), p.typical)
+    if place is not None:
+        whole, more = (_with_number(run, place, each) for each in (value, value + step))
+    else:
+        unit = _unit(run, effect, term.at)
+        whole, more = (_felt(run, unit, each) for each in (value, value + step))
+    columns = [whole, (more - whole) / step] if term.free else [whole]
+    return run.rows.vibration.removed(run.reduce(np.stack(columns, axis=2)))
+
+
+def _with_number(run: Run, place: int, value: float) -> Array:
+    """What joints feel of a number of a beam that is zero in the linearisation, shape (N, n)."""
+    numbers = run.along.inertial.copy()
+    numbers[place] = value
+    return Along.of(run.model, run.motion, numbers).needed - run.along.needed
+
+
+def _felt(run: Run, unit: _Unit, value: float) -> Array:
+    """Torques at the joints, shape (N, n)."""
+    before = run.along.response
+    assert before is not None
+    response = before.with_elasticity(
+        before.stiffness + value * unit.stiffness, before.damping + value * unit.damping
+    )
+    return response.at_joints(value * unit.forces[:, :, None])[:, :, 0]
+
+
+def _unit(run: Run, effect: StructureEffect, link: str) -> _Unit:
+    key = effect.id, link
+    if key not in run.reshaped:
+        run.reshaped[key] = _made(run, effect, link)
+    found = run.reshaped[key]
+    assert isinstance(found, _Unit)
+    return found
+
+
+def _made(run: Run, effect: StructureEffect, link: str) -> _Unit:
+    (p,) = effect.parameters
+    along, motion = run.along, run.motion
+    changed = _changed(run.model.robot, effect, link)
+    state = motion.position, motion.velocity, motion.acceleration
+    after, before = (
+        model.inverse_dynamics(*state, base=along.base, inner=along.inner, inertial=along.inertial)
+        for model in (changed, run.model)
+    )
+    elastic = zip(changed.elasticity(along.inertial), run.model.elasticity(along.inertial))
+    stiffness, damping = ((one - other) / p.typical for one, other in elastic)
+    return _Unit((after - before) / p.typical, stiffness, damping)
+
+
+@lru_cache(maxsize=KEPT)
+def _changed(robot: Robot, effect: StructureEffect, link: str) -> RobotModel:
+    """The model with a typical change."""
+    (p,) = effect.parameters
+    values = {p.name: p.typical}
+    other = effect.changed(robot, link, values)
+    bodies = flexible_bodies(other)
+    bodies[link] = effect.reshaped(bodies[link], values)
+    return RobotModel(other, bodies=bodies, beams=True)
