@@ -31,7 +31,7 @@ class QuadraticDrag(JointEffect):
     source = "Batchelor, An Introduction to Fluid Dynamics (1967), sec. 5.11 (drag at large Reynolds numbers)"
     signature = "a torque against the motion that grows with the square of the speed, and none at slow speeds"
     confused_with = ("viscous_friction", "stribeck_friction", "torque_gain", "actuator_lag")
-    experiment = "constant speeds up to the fastest: drag over speed against speed is a line through the origin"
+    experiment = "constant speeds up to the fastest: drag over speed is a line through the origin"
     needs = ("velocity",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
