@@ -190,8 +190,13 @@ class Effect(ABC):
 
     @property
     def is_searched(self) -> bool:
-        """Whether a diagnosis searches for it; both engines simulate every effect."""
+        """Whether a diagnosis searches for it in torques; both engines simulate every effect."""
         return self.along_motion
+
+    @property
+    def turns_base(self) -> bool:
+        """Whether a diagnosis searches for it in the gyros of a free base."""
+        return self.place == "base" and not self.along_motion and "angular_velocity" in self.needs
 
     def defaults(self) -> dict[str, float]:
         """Values of the parameters that have a default."""

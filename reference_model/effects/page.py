@@ -32,6 +32,7 @@ PLACES = {
 
 #: Of effects that have no regressors along a recorded joint motion.
 NOT_SEARCHED = "not searched for; both engines simulate it"
+IN_GYROS = "searched for in the gyros of a free base"
 
 _HEAD = """# Effects
 
@@ -101,12 +102,19 @@ def facts(effect: Effect) -> Mapping[str, str]:
         "shows as": effect.signature,
         "confused with": ", ".join(effect.confused_with) or "nothing known",
         "to tell apart": effect.experiment,
-        "in a diagnosis": "" if effect.is_searched else NOT_SEARCHED,
+        "in a diagnosis": _in_a_diagnosis(effect),
         "needs": ", ".join(effect.needs),
         "comes on top of": " or ".join(effect.builds_on),
         "source": effect.source,
     }
     return {heading: text for heading, text in said.items() if text}
+
+
+def _in_a_diagnosis(effect: Effect) -> str:
+    """Where it is searched for, if not in the torques along a motion; empty where it is there."""
+    if effect.turns_base:
+        return IN_GYROS
+    return "" if effect.is_searched else NOT_SEARCHED
 
 
 def _section(effect: Effect) -> Iterator[str]:
@@ -121,8 +129,8 @@ def _section(effect: Effect) -> Iterator[str]:
     yield f"- Shows as: {effect.signature}."
     yield f"- Confused with: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."
-    if not effect.is_searched:
-        yield f"- In a diagnosis: {NOT_SEARCHED}."
+    if searched := _in_a_diagnosis(effect):
+        yield f"- In a diagnosis: {searched}."
     if effect.needs:
         yield f"- Needs in the recording: {', '.join(effect.needs)}."
     if effect.family:

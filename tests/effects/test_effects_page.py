@@ -70,7 +70,8 @@ def test_every_effect_has_a_source_that_can_be_looked_up(effect: Effect) -> None
 
 
 def test_the_page_says_which_effects_a_diagnosis_does_not_search_for() -> None:
-    others = [effect for effect in catalogue().values() if not effect.along_motion]
+    every = catalogue().values()
+    others = [effect for effect in every if not effect.is_searched and not effect.turns_base]
     assert catalogue_page().count(f"- In a diagnosis: {NOT_SEARCHED}.\n") == len(others) > 0
 
 

@@ -99,7 +99,7 @@ def description(effect: Effect) -> dict[str, Any]:
         "rung": effect.rung,
         "builds_on": list(effect.builds_on),
         "needs": list(effect.needs),
-        "searched": effect.is_searched,
+        "searched": effect.is_searched or effect.turns_base,
         "source": effect.source,
         "plot": str(picture) if picture is not None else None,
     }

@@ -20,8 +20,6 @@ __all__ = ["candidates", "on_board"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Quantity that effects at the base must be seen in.
-RATE = "angular_velocity"
 #: Errors of gyros.
 OF_GYROS = ("sensor_gain", "sensor_delay", "clock_drift")
 #: Starts of an effect that are fitted.
@@ -37,8 +35,7 @@ FAR, LEAST = 0.5, 0.2
 
 def on_board() -> tuple[Effect, ...]:
     """Effects of the catalogue that turn a base otherwise, and that gyros show."""
-    every = catalogue().values()
-    return tuple(e for e in every if e.place == "base" and not e.along_motion and RATE in e.needs)
+    return tuple(effect for effect in catalogue().values() if effect.turns_base)
 
 
 def candidates(
