@@ -38,6 +38,8 @@ RIVAL = 0.05
 UNNAMED = "unknown_"
 #: Findings that are less probable than this are not stated.
 STATED = 0.5
+#: What a parameter of typical size does is rounding below this part of what another one does [-].
+ROUNDING = 1e-9
 #: Delay of the only torque up to which it is due to recording [samples]: half by a hold, and one by a bus.
 LARGEST = 1.5
 #: Effect and parameter of a torque recorded early: it was commanded before it acted, or the encoder is late.
@@ -119,12 +121,16 @@ def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probabili
     alternatives = tuple(
         Alternative(effect, at, p, "it predicts held-out data less well") for (effect, at), p in rivals
     )
-    parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
+    shown = _shown(data, term)
+    parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in shown}
     stated = [_label(key, term.at) for key, p in rivals if p >= RIVAL]
     notes = list(_replacing(data, fit, term.effect.id, term.at))
     if term.run is not None and len(data.runs) > 1:
         source = data.runs[term.run].rows.source
         notes.append(f"It occurred in {source} only, so the robot file does not include it.")
+    if len(shown) < len(term.free):
+        names = ", ".join(p.name for p in term.free if p not in shown)
+        notes.append(f"These recordings do not show {names}.")
     return Finding(
         effect=term.effect.id,
         location=term.at,
@@ -135,6 +141,16 @@ def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probabili
         validation_improvement=_gain(data, known, fit, term.key),
         note=" ".join(notes),
     )
+
+
+def _shown(data: TorqueData, term: Term) -> list[Parameter]:
+    """Estimated parameters on which what is compared depends at all."""
+    slopes = [
+        np.abs(data.columns(term, run)[:, :, 1:]).max(axis=0, initial=0.0) for run in range(data.fitted)
+    ]
+    size = np.max(slopes, axis=0) / data.size[:, None]
+    felt = [float(own) * p.typical for own, p in zip(size.max(axis=0), term.free)]
+    return [p for p, own in zip(term.free, felt) if own > ROUNDING * max(felt)]
 
 
 def of_bodies(data: TorqueData, fit: Fit, carried: Sequence[Load]) -> tuple[Weighty, ...]:

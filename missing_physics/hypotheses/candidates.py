@@ -21,6 +21,7 @@ from reference_model.effects.base import (
     SensorEffect,
     YieldingGear,
 )
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import catalogue
 from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Robot
@@ -126,6 +127,9 @@ def candidates(
             if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.filed:
                 yield from _at_links(effect, robot, present)
             continue
+        if isinstance(effect, ForceEffect):
+            yield from _on_base(effect, robot, places, channels, present)
+            continue
         if isinstance(effect, StructureEffect):
             yield from _reshaping(effect, robot, places, present)
             continue
@@ -195,6 +199,23 @@ def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, s
             values = {p.name: 0.0 for p in effect.parameters}
             values |= dict(zip("xyz", map(float, point))) if places else {}
             yield Candidate(Term.of(effect, link.name, values))
+
+
+def _on_base(
+    effect: ForceEffect,
+    robot: Robot,
+    places: Mapping[str, Place],
+    channels: Collection[str],
+    present: Collection[tuple[str, str]],
+) -> Iterator[Candidate]:
+    """On a free base without a gyro; gyros are compared first (`missing_physics.diagnosis.base`)."""
+    if robot.base.kind != "free" or robot.transmissions or not places or (effect.id, "base") in present:
+        return
+    if any(channel.startswith("base.angular_velocity") for channel in channels):
+        return
+    for start in effect.starts(next(iter(places.values())).extents[0]):
+        values = {p.name: p.absent for p in effect.parameters if p.linear and p.absent is not None}
+        yield Candidate(Term.of(effect, "base", {**values, **start}, limits=effect.limits(robot, "base")))
 
 
 def _reshaping(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.effects.base import Effect, Values
+from robot_model import Robot
 
 __all__ = ["BodySignals", "ForceEffect"]
 
@@ -43,11 +44,21 @@ class ForceEffect(Effect):
     """
 
     along_motion = False
+    #: What it does follows from how its body turns, and is small: joints show it where no gyro does.
+    along_base: ClassVar[bool] = False
 
     #: Number of internal states.
     states: ClassVar[int] = 0
     #: It also carries, with a constant wrench, what rests on its body at the start.
     carries_start: ClassVar[bool] = False
+
+    @property
+    def is_searched(self) -> bool:
+        return self.along_base
+
+    def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
+        """Bounds of parameters that the robot or its torques make narrower than the catalogue's."""
+        return {}
 
     @abstractmethod
     def wrench(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:

@@ -33,6 +33,7 @@ PLACES = {
 #: Of effects that have no regressors along a recorded joint motion.
 NOT_SEARCHED = "not searched for; both engines simulate it"
 IN_GYROS = "searched for in the gyros of a free base"
+WITHOUT_GYROS = ", and where there is none in the torques"
 
 _HEAD = """# Effects
 
@@ -113,7 +114,7 @@ def facts(effect: Effect) -> Mapping[str, str]:
 def _in_a_diagnosis(effect: Effect) -> str:
     """Where it is searched for, if not in the torques along a motion; empty where it is there."""
     if effect.turns_base:
-        return IN_GYROS
+        return IN_GYROS + (WITHOUT_GYROS if effect.is_searched else "")
     return "" if effect.is_searched else NOT_SEARCHED
 
 

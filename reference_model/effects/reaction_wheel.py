@@ -8,6 +8,7 @@ import casadi as ca
 
 from reference_model.effects.base import Extent, Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
+from robot_model import Robot
 
 __all__ = ["ReactionWheel"]
 
@@ -93,6 +94,11 @@ class ReactionWheel(ForceEffect):
     )
     needs = ("angular_velocity",)
     states = 6
+    along_base = True
+
+    def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
+        """How wheels slow down by themselves hardly shows at joints."""
+        return {"drag": (0.0, 0.0)}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         return ({"drag": self.parameter("drag").typical},)

@@ -136,9 +136,11 @@ def along(data: TorqueData, use: EffectUse) -> np.ndarray:
         (damped(0.01), 1e-6),  # the same equations, integrated in other steps
         # Coriolis forces of what the stiffening changes are left out.
         (EffectUse(effect="centrifugal_stiffening", at="link2", strength=0.5), 0.05),
+        # So are those of what wheels change of the base's rates.
+        (EffectUse(effect="reaction_wheel", at="base", momentum_x=3.0, momentum_y=-4.0, torque_z=0.1), 0.05),
     ],
 )
-def test_columns_of_a_changed_link_are_what_the_reference_model_adds(
+def test_columns_of_a_link_or_a_base_are_what_the_reference_model_adds(
     use: EffectUse, tolerance: float
 ) -> None:
     data = about_the_file(damped(0.005))

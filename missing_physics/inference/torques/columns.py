@@ -13,10 +13,12 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.hypotheses.term import Term
 from missing_physics.inference.torques.coupled import behind_motors
 from missing_physics.inference.torques.links import of_link
+from missing_physics.inference.torques.pushes import on_base
 from missing_physics.inference.torques.runs import Run
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.model import RobotModel
 
@@ -163,6 +165,8 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
         return _gear(term, effect, run)
     if isinstance(effect, StructureEffect):
         return of_link(term, effect, run)
+    if isinstance(effect, ForceEffect):
+        return on_base(term, effect, run)
     raise TypeError(f"{effect.id} has no columns along a motion")
 
 
