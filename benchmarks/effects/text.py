@@ -107,8 +107,9 @@ def _share(hits: int, count: int) -> str:
 
 
 def _weighed(effect: str) -> bool:
-    """Whether a diagnosis looks for it, by regressors along the motion."""
-    return catalogue()[effect].along_motion
+    """Whether a diagnosis looks for it."""
+    found = catalogue()[effect]
+    return found.is_searched or found.turns_base
 
 
 def _section(effect: str, rows: Sequence[Row]) -> str:

@@ -139,11 +139,11 @@ def test_effects_that_no_torque_shows_are_said_not_to_be_weighed() -> None:
     unnamed = replace(RIGHT, findings=(), name_right=False, in_set=False, left=())
     for effect in EVERY:
         row = replace(unnamed, key=replace(RIGHT.key, effect=effect))
-        weighed = catalogue()[effect].along_motion
+        weighed = catalogue()[effect].is_searched or catalogue()[effect].turns_base
         assert (reason(row) == "Nothing is named.") is weighed, effect
-    slosh = replace(unnamed, key=replace(RIGHT.key, effect="slosh"))
-    assert "does not weigh this effect yet" in reason(slosh)
-    assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, slosh], command="x")
+    wall = replace(unnamed, key=replace(RIGHT.key, effect="contact"))
+    assert "does not weigh this effect yet" in reason(wall)
+    assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, wall], command="x")
 
 
 def test_the_introduction_says_how_often_a_case_is_drawn(

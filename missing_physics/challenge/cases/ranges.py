@@ -19,6 +19,7 @@ __all__ = [
     "BODY",
     "BRIEF",
     "DRY",
+    "HIDDEN",
     "JOINT",
     "MODIFIERS",
     "RARELY",
@@ -105,6 +106,10 @@ def bounded(value: float) -> float:
 
 def _viscous(d: Draw, s: Scale) -> Values:
     return {"coefficient": s.torque * d.decades(0.6, 8.0) / s.speed}
+
+
+def _quadratic_drag(d: Draw, s: Scale) -> Values:
+    return {"coefficient": s.torque * d.decades(1.5, 8.0) / s.speed**2}
 
 
 def _coulomb(d: Draw, s: Scale) -> Values:
@@ -226,8 +231,11 @@ JOINT: Mapping[str, Callable[[Draw, Scale], Values]] = MappingProxyType(
         "torque_saturation": _torque_saturation,
         "actuator_lag": _actuator_lag,
         "external_torque": _external_torque,
+        "quadratic_drag": _quadratic_drag,
     }
 )
+#: Those that the second version of the draws hides: numbers that were drawn stay what they were.
+HIDDEN = tuple(name for name in JOINT if name != "quadratic_drag")
 #: Of these a joint has one at most.
 DRY = ("coulomb_friction", "stribeck_friction", "lugre_friction")
 #: These mean something only beside nominal friction of the joint.

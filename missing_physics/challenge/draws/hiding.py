@@ -10,6 +10,7 @@ from missing_physics.challenge.cases.ranges import (
     BODY,
     BRIEF,
     DRY,
+    HIDDEN,
     JOINT,
     MODIFIERS,
     SENSOR,
@@ -120,7 +121,7 @@ class Hiding:
 
     def _at_joint(self, robot: Robot, joint: str, scale: Scale) -> tuple[Robot, EffectUse]:
         d = self.d
-        effect = list(JOINT)[int(d.chance.integers(len(JOINT)))]
+        effect = HIDDEN[int(d.chance.integers(len(HIDDEN)))]
         if effect in DRY:
             robot = without(robot, joint, *DRY)
         if effect == "viscous_friction":
