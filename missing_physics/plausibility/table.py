@@ -68,6 +68,16 @@ TABLE: tuple[Credible, ...] = (
         "Joint torque sensors: 0.5 to 5 % of full scale; current sensors with shunt: 1 to 3 %.",
     ),
     Credible(
+        "sensor_gain",
+        "gain_error",
+        "angular_velocity",
+        -0.05,
+        0.05,
+        "-",
+        "a gyro's scale is off by a few percent at most",
+        "Micromechanical gyros without calibration: 1 to 3 %; fibre-optic ones: below 0.1 %.",
+    ),
+    Credible(
         "load_dependent_friction",
         "gear_share",
         "",
@@ -140,8 +150,8 @@ SATURATION = 0.7
 
 def credible_range(effect: str, parameter: str, place: str) -> Credible | None:
     """The table's row for a parameter of an effect at a place; None where there is none."""
-    quantity = place.rpartition(".")[2] if "." in place else ""
+    quantities = place.split(".")[1:]
     for row in TABLE:
-        if (row.effect, row.parameter) == (effect, parameter) and row.quantity in ("", quantity):
+        if (row.effect, row.parameter) == (effect, parameter) and row.quantity in ("", *quantities):
             return row
     return None

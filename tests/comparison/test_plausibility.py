@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from missing_physics.diagnosis.comparison.credible import in_the_file
-from missing_physics.plausibility import NOT_CREDIBLE, TABLE, implausible, is_credible_number
+from missing_physics.plausibility import NOT_CREDIBLE, TABLE, credible_range, implausible, is_credible_number
 from missing_physics.results.result import ParameterChange
 from reference_model.effects.catalogue import get_effect
 from robot_model import load_robot
@@ -92,3 +92,8 @@ def test_bodies_may_be_off_by_what_drawings_leave_out(
 ) -> None:
     robot = load_robot("flexible_space_robot")
     assert is_credible_number(name, estimate, nominal, robot) == expected
+
+
+def test_a_gyro_has_a_credible_scale_on_every_axis() -> None:
+    rows = [credible_range("sensor_gain", "gain_error", f"base.angular_velocity.{axis}") for axis in "xyz"]
+    assert all(row is not None and row.high == 0.05 for row in rows)

@@ -139,9 +139,9 @@ def _step(term: Term, p: Parameter) -> float:
 
 
 def _sensor(term: Term, effect: SensorEffect, rates: Rates) -> Array:
-    """A gyro's error, without approximation, and its derivatives to first order."""
+    """A gyro's error at the rates that the robot file predicts, and its derivatives to first order."""
     k, time = rates.channels.index(term.at), rates.dynamics.motion.time
-    since, value = time - time[0], rates.turning[:, rates.axes[k]]
+    since, value = time - time[0], rates.predicted[:, k]
     read = effect.apply(since, value, term.parameters)
     rate = np.gradient(value, time)
     slopes = SensorAlong(effect).jacobian(since, value, rate, term.parameters, [p.name for p in term.free])

@@ -60,6 +60,11 @@ def with_base(result: Result, base: BaseResult, robot: Robot) -> Result:
         base: of the gyros.
         robot: the nominal robot.
     """
+    file = robot_from_toml(result.augmented_robot_toml)
+    there = {(use.effect, use.at) for use in file.effects}
+    uses = [_use(term) for term in base.terms if not _is_of_sensor(term) or robot.sensor(term.at) is not None]
+    file = file.with_effects(*(use for use in uses if (use.effect, use.at) not in there))
+    base = base.written(file)
     before = result.diagnosis
     verdict: Verdict = before.verdict
     if verdict == "consistent" or (verdict == "not_enough_data" and (base.findings or base.mismatch)):
@@ -74,10 +79,6 @@ def with_base(result: Result, base: BaseResult, robot: Robot) -> Result:
         fit=Fit({**before.fit.channels, **base.fit}, _improvement(result, base), before.fit.bands),
         could_not_tell=(*before.could_not_tell, *base.could_not_tell, *_unwritten(robot, base)),
     )
-    file = robot_from_toml(result.augmented_robot_toml)
-    there = {(use.effect, use.at) for use in file.effects}
-    uses = [_use(term) for term in base.terms if not _is_of_sensor(term) or robot.sensor(term.at) is not None]
-    file = file.with_effects(*(use for use in uses if (use.effect, use.at) not in there))
     return replace(
         result,
         diagnosis=diagnosis,

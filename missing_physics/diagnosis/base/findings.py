@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,11 @@ from missing_physics.diagnosis.base.data import BaseData
 from missing_physics.hypotheses import Term
 from missing_physics.inference import Fit, Posterior, Search
 from missing_physics.results.result import Alternative, ChannelFit, ChannelSeries, Errors, Estimate, Finding
+from reference_model.effects.base import SensorEffect
+from reference_model.passive.prescribed import prescribed
+from robot_model import Robot
 
-__all__ = ["channel_fits", "findings_of", "left_by", "series_of", "stated_terms"]
+__all__ = ["channel_fits", "findings_of", "left_by", "left_by_file", "series_of", "stated_terms"]
 
 Array = NDArray[np.float64]
 Key = tuple[str, str]
@@ -92,24 +95,37 @@ def left_by(data: BaseData, fit: Fit, terms: tuple[Term, ...], run: int) -> Arra
     return data.target(run) - data.designs[run] @ numbers - data.terms.contributed(terms, run)
 
 
-def channel_fits(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterator[tuple[str, ChannelFit]]:
-    """Errors of the robot file without and with terms, gyro by gyro."""
+def left_by_file(data: BaseData, fit: Fit, terms: tuple[Term, ...], file: Robot, run: int) -> Array:
+    """Residual of a robot file and the errors of gyros among some terms, shape (K, m) [rad/s]."""
+    own = data.runs[run]
+    motion = own.dynamics.motion
+    made = prescribed(file, motion.time, motion.position, motion.velocity, motion.acceleration)
+    rates = np.column_stack([made[channel] for channel in own.channels])
+    change = own.reduce(rates - own.predicted) * data.counted(run)
+    of_gyros = tuple(term for term in terms if isinstance(term.effect, SensorEffect))
+    return left_by(data, fit, of_gyros, run) - data.quiet[run].removed(change)
+
+
+def channel_fits(
+    data: BaseData, before: Sequence[Array], after: Sequence[Array]
+) -> Iterator[tuple[str, ChannelFit]]:
+    """Errors of the nominal and of the written robot file, gyro by gyro, from the residuals of each run."""
     for k, channel in enumerate(data.joints):
-        before, after = (_errors(data, fit, which, k) for which in ((), terms))
-        yield channel, ChannelFit("rad/s", before, after, float(data.noise[k]))
+        first, last = (_errors(data, left, k) for left in (before, after))
+        yield channel, ChannelFit("rad/s", first, last, float(data.noise[k]))
 
 
-def _errors(data: BaseData, fit: Fit, terms: tuple[Term, ...], k: int) -> Errors:
+def _errors(data: BaseData, every: Sequence[Array], k: int) -> Errors:
     parts: tuple[list[Array], list[Array]] = [], []
-    for i in range(len(data.runs)):
-        left, seen, counted = left_by(data, fit, terms, i)[:, k], data.rows_seen(i), data.counted(i)[:, k]
+    for i, left in enumerate(every):
+        seen, counted = data.rows_seen(i), data.counted(i)[:, k]
         for part, which in zip(parts, (seen, ~seen)):
-            part.append(left[which & counted])
+            part.append(left[which & counted, k])
     return Errors(*(float(np.sqrt(np.mean(np.concatenate(part) ** 2))) for part in parts))
 
 
-def series_of(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterator[ChannelSeries]:
-    """Rates about their means, what the robot file and what the file with terms predict of them."""
+def series_of(data: BaseData, before: Sequence[Array], after: Sequence[Array]) -> Iterator[ChannelSeries]:
+    """Rates about their means, and what the nominal and the written robot file predict of them."""
     for k, channel in enumerate(data.joints):
         for i, own in enumerate(data.runs):
             measured = own.reduce(own.measured[:, k] - own.measured[:, k].mean())
@@ -121,8 +137,8 @@ def series_of(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterator[Cha
                 location="base",
                 time=data.time(i),
                 measured=measured,
-                nominal=measured - left_by(data, fit, (), i)[:, k],
-                augmented=measured - left_by(data, fit, terms, i)[:, k],
+                nominal=measured - before[i][:, k],
+                augmented=measured - after[i][:, k],
                 held_out=~data.rows_seen(i),
                 noise_floor=float(data.noise[k]),
                 counted=data.counted(i)[:, k],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from missing_physics.diagnosis.base.findings import (
     channel_fits,
     findings_of,
     left_by,
+    left_by_file,
     series_of,
     stated_terms,
 )
@@ -52,6 +53,7 @@ class BaseResult:
         ladder: every cause that was weighed.
         searched: ids of the effects on board that were compared.
         series: measured rates, the robot file's, and those of the file with what was named.
+        data, answer: rows and the most probable hypothesis; None where there are none.
     """
 
     mismatch: tuple[Mismatch, ...] = ()
@@ -62,6 +64,18 @@ class BaseResult:
     ladder: tuple[Rung, ...] = ()
     searched: tuple[str, ...] = ()
     series: tuple[ChannelSeries, ...] = ()
+    data: BaseData | None = None
+    answer: Fit | None = None
+
+    def written(self, file: Robot) -> BaseResult:
+        """The same with the errors and series of a robot file, with other bodies too."""
+        if self.data is None or self.answer is None:
+            return self
+        data, runs = self.data, range(len(self.data.runs))
+        before = [left_by(data, self.answer, (), i) for i in runs]
+        after = [left_by_file(data, self.answer, self.terms, file, i) for i in runs]
+        fit, series = dict(channel_fits(data, before, after)), tuple(series_of(data, before, after))
+        return replace(self, fit=fit, series=series)
 
 
 def diagnose_base(
@@ -95,15 +109,18 @@ def diagnose_base(
     data, fit = found.data, known.answer
     findings = findings_of(found, known)
     terms = stated_terms(fit, findings)
+    before, after = ([left_by(data, fit, own, i) for i in range(len(runs))] for own in ((), terms))
     return BaseResult(
         mismatch=tuple(_located(data, fit)),
         findings=findings,
         terms=terms,
-        fit=dict(channel_fits(data, fit, terms)),
+        fit=dict(channel_fits(data, before, after)),
         could_not_tell=(*_open_questions(data, fit, terms), *dismissed(found, findings)),
         searched=tuple(effect.id for effect in on_board()),
         ladder=tuple(rung(found, step) for step in found.steps),
-        series=tuple(series_of(data, fit, terms)),
+        series=tuple(series_of(data, before, after)),
+        data=data,
+        answer=fit,
     )
 
 
