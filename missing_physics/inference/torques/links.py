@@ -3,7 +3,7 @@
 With the changed link, the motion of the modes that was found with the link of the robot file leaves forces in
 the equations of base, joints and modes. The modes answer them with the stiffness and damping that the change
 gives them; what that changes in the velocities beyond is neglected (`missing_physics.evaluation.response`).
-Where what changes is a number of a beam, the motion of the modes is integrated anew.
+Where what changes is a number of a beam, the motion of the modes is integrated again.
 """
 
 from __future__ import annotations

@@ -75,7 +75,9 @@ def test_a_force_from_outside_is_reported_at_the_base(
 ) -> None:
     robot = flyer()
     found = diagnose(robot, [pushed(robot, monkeypatch, 3, **numbers)], options=OPTIONS).diagnosis
-    assert found.verdict == "unexplained"
+    # A moment that never ends is that of a wheel's motor: no motion of the robot separates the two.
+    steady = numbers["start"] == 0.0
+    assert found.verdict in (("unexplained", "ambiguous") if steady else ("unexplained",))
     first = found.mismatch[0]
     assert first.location == "base"
     assert first.p_value < 1e-3  # by several times the error of any model of all its rates
