@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from reference_model.effects.base import Effect, Parameter
+from reference_model.effects.base import Effect, JointEffect, Parameter
 
 __all__ = ["Term"]
 
@@ -99,6 +99,11 @@ class Term:
             return tuple(p for p in self.effect.estimated if p.name in self.freed)
         return tuple(p for p in self.effect.estimated if p.name not in held)
 
+    def is_linear(self, p: Parameter) -> bool:
+        """Whether recorded torques are linear in a parameter, along one motion."""
+        shares = isinstance(self.effect, JointEffect) and self.effect.shares_torque and not self.in_rows
+        return p.linear and not shares
+
     @property
     def straight(self) -> tuple[float, ...]:
         """Values of the estimated parameters that are linear, 0 for the others.
@@ -106,7 +111,7 @@ class Term:
         Of a term that is in the rows, their differences from the robot file.
         """
         return tuple(
-            self.parameters[p.name] - (self.filed(p.name) if self.in_rows else 0.0) if p.linear else 0.0
+            self.parameters[p.name] - (self.filed(p.name) if self.in_rows else 0.0) if self.is_linear(p) else 0.0
             for p in self.free
         )
 

@@ -210,8 +210,8 @@ class Data(ABC):
         """Parameters of the standard model where bodies include what terms add to them, shape (X,)."""
         return numbers
 
-    def is_near(self, one: Array, other: Array) -> bool:
-        """Whether rows linearised about the first parameters serve for the second, shape (X,) each."""
+    def is_near(self, one: Array, other: Array, terms: Sequence[Term]) -> bool:
+        """Whether rows linearised about the first parameters serve for the second with these terms, (X,) each."""
         return True
 
     def cut(self, terms: Sequence[Term]) -> Array:

@@ -98,8 +98,8 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None, place: 
     numbers = data.start if start is None else start.numbers
     sigma = data.sigma if start is None else start.sigma
     moving = [place is None or term.joint == place for term in terms]
-    linear = all(p.linear for term, own in zip(terms, moving) if own for p in term.free)
-    partial = not all(p.linear for term, own in zip(terms, moving) if not own for p in term.free)
+    linear = all(term.is_linear(p) for term, own in zip(terms, moving) if own for p in term.free)
+    partial = not all(term.is_linear(p) for term, own in zip(terms, moving) if not own for p in term.free)
     width, count = _width(data, hypothesis), data.start.size
     problem = Problem.of(data, hypothesis, numbers)
     for _ in range(LINEAR if linear else ROUNDS):

@@ -33,7 +33,8 @@ EVENT = float(np.log(0.5 * EDGES**2))
 #: Further odds against a force that is none of the known effects [nats]: as much again.
 UNNAMED = 4.0
 #: Parameters of a joint that a robot file has.
-OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
+ROTOR = "reflected_inertia"
+OF_JOINTS = ("viscous", "coulomb", "offset", ROTOR, TIMING)
 #: Most linearised recordings that are cached.
 KEPT = 3
 #: Most rounds in which recordings are linearised about a fit to them.
@@ -88,7 +89,7 @@ class Search(Generic[D]):
         """The recordings with torques shifted by the delays of a fit, and links bent as its masses demand."""
         numbers = self.data.with_bodies(fit.numbers, fit.hypothesis.terms)
         for data in (self.data, *self._others):
-            if data.is_near(numbers, data.about_numbers):
+            if data.is_near(numbers, data.about_numbers, fit.hypothesis.terms):
                 return data
         self._others = [*self._others[1 - KEPT :], self.data.about(numbers)]
         return self._others[-1]
@@ -102,7 +103,8 @@ class Search(Generic[D]):
         """
         for _ in range(SETTLING):
             numbers = self.data.with_bodies(fit.numbers, fit.hypothesis.terms)
-            if self.data.is_near(numbers, fit.about) and not (whole and fit.partial):
+            near = self.data.is_near(numbers, fit.about, fit.hypothesis.terms)
+            if near and not (whole and fit.partial):
                 break
             fit = fitted(self.about(fit), fit.hypothesis, fit)
         return self.keep(fit)
@@ -143,12 +145,18 @@ def absent(data: Data, hypothesis: Hypothesis) -> tuple[Term, ...]:
 
 
 def filable(data: Data) -> tuple[str, ...]:
-    """Parameters of the standard model that may have the robot file's value."""
+    """Parameters of the standard model that may have the robot file's value.
+
+    A file without rotors, as every URDF, does not say that there are none.
+    """
     layout = data.layout
     own = tuple(
         name
-        for name, free in zip(layout.names, layout.free)
-        if free and name.rpartition(".")[2] in OF_JOINTS and name.split(".")[0] in data.joints
+        for name, free, filed in zip(layout.names, layout.free, data.filed)
+        if free
+        and name.rpartition(".")[2] in OF_JOINTS
+        and name.split(".")[0] in data.joints
+        and not (name.endswith(ROTOR) and filed == 0.0)
     )
     bodies = any(layout.free[place].any() for place in layout.bodies)
     return (*own, *data.further, BODIES) if bodies else (*own, *data.further)

@@ -77,7 +77,7 @@ class Problem:
     def freeing(self, moving: Sequence[bool]) -> Layout:
         """The layout in which terms that do not move keep the numbers of which the rows are not linear."""
         count, free = self.data.start.size, self.layout.free.copy()
-        free[count:] = [own or p.linear for term, own in zip(self.terms, moving) for p in term.free]
+        free[count:] = [own or term.is_linear(p) for term, own in zip(self.terms, moving) for p in term.free]
         return replace(self.layout, free=free)
 
     def energy_at(self, numbers: Array) -> Array:

@@ -41,15 +41,21 @@ def implausible(
 
 
 def _gravity(values: Mapping[str, float], robot: Robot) -> str:
-    """Credible gravity: that of the ground, tilted a little; any in orbit or where the file has none."""
-    size = float(np.linalg.norm(robot.gravity))
-    change = float(np.linalg.norm([values.get(axis, 0.0) for axis in "xyz"]))
-    if size == 0.0 or robot.base.kind == "free" or change <= GRAVITY * size:
+    """Credible gravity: on the ground, of the right size at any tilt; any in orbit or where the file has none.
+
+    Along the file's gravity a change shows only as far as masses are known, and is small where they are not.
+    """
+    file = np.asarray(robot.gravity)
+    size = float(np.linalg.norm(file))
+    if size == 0.0 or robot.base.kind == "free":
         return ""
-    return (
-        f"{NOT_CREDIBLE}: gravity that differs by {change:.3g} m/s^2, while on the ground it is 9.81 m/s^2 "
-        "and a base is level to two degrees"
-    )
+    change = np.array([values.get(axis, 0.0) for axis in "xyz"])
+    along = float(change @ file) / size
+    across = float(np.linalg.norm(change - along * file / size))
+    whole = float(np.linalg.norm(file + change))
+    if abs(whole - size) <= GRAVITY * size or (abs(along) <= GRAVITY * size and across <= size):
+        return ""
+    return f"{NOT_CREDIBLE}: gravity of {whole:.4g} m/s^2, while on the ground it is 9.81 m/s^2"
 
 
 def _unit(unit: str) -> str:

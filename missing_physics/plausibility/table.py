@@ -92,11 +92,11 @@ TABLE: tuple[Credible, ...] = (
         "torque_gain",
         "gain_error",
         "",
-        -0.1,
-        0.1,
+        -0.2,
+        0.2,
         "-",
-        "torque constants scatter by a few percent between motors and fall by about 0.1 % per kelvin, a "
-        "tenth at the very most",
+        "torque constants scatter by up to a tenth between motors and fall by about 0.1 % per kelvin, by "
+        "another tenth in a hot motor",
         "Motor data sheets (maxon, Kollmorgen): tolerance of the torque constant 5 to 10 %; NdFeB magnets "
         "-0.11 % per kelvin.",
     ),
@@ -135,10 +135,10 @@ TABLE: tuple[Credible, ...] = (
     ),
 )
 
-#: Largest change of gravity on the ground, as a part of its size: two degrees of tilt, beyond which a machine
-#: stands askew for everyone to see and its file says so. Floors under automation equipment are level to half
-#: a degree (common limit of foundations); the rest is engineering judgement. Gravity's size is known to
-#: 0.3 % anywhere (WGS 84: 9.780 to 9.832 m/s^2).
+#: Usual error of gravity on the ground, as a part of its size: two degrees of tilt. Floors under automation
+#: equipment are level to half a degree (common limit of foundations); the rest is engineering judgement. A
+#: robot may be mounted at any angle, but gravity's size is known to 0.3 % anywhere (WGS 84: 9.780 to
+#: 9.832 m/s^2).
 GRAVITY = 0.035
 #: Standard deviation of a nominal mass property, as a part of its size: CAD lacks cables, screws and grease.
 #: Engineering judgement.

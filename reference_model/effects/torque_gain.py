@@ -36,6 +36,7 @@ class TorqueGain(JointEffect):
         "those of acceleration"
     )
     uses_torque = True
+    shares_torque = True
     needs = ("torque",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

@@ -27,6 +27,12 @@ __all__ = ["KeptColumns", "added_to_bodies", "columns_of", "cut"]
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
 
+#: Rounds of Newton's method for a torque: on one side of zero, on the other, and to rounding.
+SIDES = 3
+#: Part of an actuator's torque that is left at least when an effect takes its share.
+LEAST = 0.05
+#: Place of the torque among the signals of a joint.
+TORQUE = JointSignals.CHANNELS.index("torque")
 #: A torque counts as cut where at least this part of it is missing.
 CUT = 0.01
 #: Most numbers in the cached columns of terms: 256 MB.
@@ -113,7 +119,7 @@ class KeptColumns:
         kept, straight = self._kept.get(_key(term, run)), _straight(term)
         if kept is None or np.array_equal(straight, kept.straight):
             return kept
-        if not all(p.linear for p in term.free):  # derivatives by the others scale with these
+        if not all(map(term.is_linear, term.free)):  # derivatives by the others scale with these
             return None
         return kept.moved(straight)
 
@@ -129,7 +135,7 @@ class KeptColumns:
 def _key(term: Term, run: int) -> tuple[object, ...]:
     """Equal for terms that differ in their free linear parameters only."""
     free = {p.name for p in term.free}
-    held = (p.name not in free or not p.linear for p in term.effect.parameters)
+    held = (p.name not in free or not term.is_linear(p) for p in term.effect.parameters)
     bent = tuple(v for v, is_held in zip(term.values, held) if is_held)
     return *term.key, term.run, bent, run, term.freed
 
@@ -240,22 +246,47 @@ def _force(term: Term, run: Run) -> Array:
     """Torque that an effect takes from a joint's actuator, shape (N,)."""
     assert isinstance(term.effect, JointEffect)
     k = _place(run, term.at)
-    return -_along_joint(term, run, k).torque(_signals(term.effect, run, k), term.parameters)
+    along = _along_joint(term, run, k)
+    return -along.torque(_signals(term, term.effect, run, along, k)[0], term.parameters)
 
 
-def _signals(effect: JointEffect, run: Run, k: int) -> Array:
+def _signals(
+    term: Term, effect: JointEffect, run: Run, along: EffectAlong, k: int
+) -> tuple[Array, Array | float]:
+    """Signals of joint k, shape (N, C), and how much the effect grows where the actuator makes up for it."""
     signals = run.signals(k)
     if effect.cuts_torque:
         signals = signals.copy()
-        signals[:, JointSignals.CHANNELS.index("torque")] = run.acting[:, k]
-    return signals[:, :-1] if effect.states else signals
+        signals[:, TORQUE] = run.acting[:, k]
+    if effect.states:
+        return signals[:, :-1], 1.0
+    if effect.shares_torque and not term.in_rows:
+        return _made_up_for(term, signals, along)
+    return signals, 1.0
+
+
+def _made_up_for(term: Term, signals: Array, along: EffectAlong) -> tuple[Array, Array]:
+    """Signals with the torque u of an actuator that makes up for the effect T, and du/d(u + T).
+
+    The motion needs u + T(u). T is linear in u on either side of zero, so that Newton's method ends there.
+    """
+    needed, signals = signals[:, TORQUE].copy(), signals.copy()
+    step = 1e-6 * max(float(np.abs(needed).max()), 1e-12)
+    for _ in range(SIDES):
+        own = along.torque(signals, term.parameters)
+        shifted = signals.copy()
+        shifted[:, TORQUE] += step
+        grows = 1.0 / np.maximum(1.0 + (along.torque(shifted, term.parameters) - own) / step, LEAST)
+        signals[:, TORQUE] -= (signals[:, TORQUE] + own - needed) * grows
+    return signals, grows
 
 
 def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
     k = _place(run, term.at)
-    along, signals = _along_joint(term, run, k), _signals(effect, run, k)
+    along = _along_joint(term, run, k)
+    signals, grows = _signals(term, effect, run, along, k)
     force, jacobian = along.evaluate(signals, term.parameters, [p.name for p in term.free])
-    return -np.column_stack([force, jacobian])
+    return -np.column_stack([force, (jacobian.T * grows).T])
 
 
 def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:

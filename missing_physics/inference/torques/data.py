@@ -132,21 +132,24 @@ class TorqueData(Data):
                     found[self.layout.names.index(name)] += term.values[0]
         return found
 
-    def is_near(self, one: Array, other: Array) -> bool:
+    def is_near(self, one: Array, other: Array, terms: Sequence[Term]) -> bool:
         """Whether recordings linearised about the first parameters serve for the second, shape (X,) each.
 
-        Torques are shifted by delays. Links bend as the masses demand: nearly alike where what differs
-        changes the torques by less than the model's own error.
+        Torques are shifted by delays. Links bend as the masses demand, and some effects are driven by the
+        torque that the motion needs: nearly alike where what differs changes the torques by less than the
+        model's own error.
         """
         angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
         if angle >= SAME:
             return False
-        if not self.bends:
+        driven = {t.at for t in terms if isinstance(t.effect, JointEffect) and t.effect.uses_torque}
+        joints = np.array([self.bends or joint in driven for joint in self.joints])
+        if not joints.any():
             return True
-        count = len(self.runs[0].model.inertial_names) - 3
-        apart = [design[:, :, :count] @ (one - other)[:count] for design in self.designs]
+        count = len(self.runs[0].model.inertial_names) - 3 if self.bends else one.size
+        apart = [design[:, joints, :count] @ (one - other)[:count] for design in self.designs]
         change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
-        return bool(np.all(change < self.error))
+        return bool(np.all(change < self.error[joints]))
 
     @property
     def bends(self) -> bool:

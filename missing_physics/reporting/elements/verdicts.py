@@ -13,7 +13,7 @@ from missing_physics.reporting.elements.formatting import (
     percent,
     rival_text,
 )
-from missing_physics.results.result import Diagnosis, Finding, Mismatch
+from missing_physics.results.result import Diagnosis, Finding, Mismatch, ParameterChange
 from missing_physics.wording.numbers import within_text
 
 __all__ = [
@@ -115,10 +115,16 @@ def moved_texts(diagnosis: Diagnosis) -> list[str]:
     """Parameters of the robot file that the recordings contradict, the most surprising change first."""
     moved = [change for change in diagnosis.nominal_parameters if change.moved and change.narrowed]
     return [
-        f"{change.name} {within_text(change.estimate, change.ci95, change.unit)}, in the robot file "
-        f"{number(change.nominal, 4)}"
+        f"{change.name} {within_text(change.estimate, change.ci95, change.unit)}, {_in_file(change)}"
         for change in sorted(moved, key=lambda change: -change.surprise)
     ]
+
+
+def _in_file(change: ParameterChange) -> str:
+    """Value in the robot file, which need not say that there are rotors."""
+    if change.nominal == 0.0 and change.name.endswith(".reflected_inertia"):
+        return "not in the robot file"
+    return f"in the robot file {number(change.nominal, 4)}"
 
 
 def by_place(diagnosis: Diagnosis) -> dict[str, list[Finding]]:
