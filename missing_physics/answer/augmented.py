@@ -11,7 +11,7 @@ from missing_physics.standard.model import as_robot
 from missing_physics.standard.rows import without_friction
 from robot_model import EffectUse, Robot
 
-__all__ = ["augmented", "left_out_of_the_file"]
+__all__ = ["augmented"]
 
 #: Digits of a number in a robot file.
 DIGITS = 10
@@ -33,7 +33,7 @@ def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping
     found = [
         _use(term.effect.id, term.at, term.parameters)
         for term in fit.hypothesis.terms
-        if not left_out_of_the_file(term, data)
+        if not _is_left_out(term, data)
     ]
     found += [_use(effect, at, values) for (effect, at), values in more.items()]
     taken = {(use.effect, use.at) for use in found}
@@ -41,7 +41,7 @@ def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping
     return robot.model_copy(update={"effects": (*kept, *found)})
 
 
-def left_out_of_the_file(term: Term, data: TorqueData) -> bool:
+def _is_left_out(term: Term, data: TorqueData) -> bool:
     """Whether a term is unnamed, or acts in only one of several recordings.
 
     A robot file would apply it to all of them.

@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.answer.augmented import left_out_of_the_file
-from missing_physics.hypotheses import BODIES, Hypothesis
+from missing_physics.hypotheses import BODIES, Hypothesis, UnknownForce
 from missing_physics.inference import Fit, fitted
 from missing_physics.inference.torques.data import TorqueData
 from reference_model.effects.base import BodyEffect
@@ -36,7 +35,7 @@ class Guarded:
 
     Attributes:
         fit: the answer.
-        file: the answer without unnamed forces and without events.
+        file: the answer without unnamed forces.
     """
 
     fit: Fit
@@ -88,8 +87,11 @@ def _no_worse_than_file(data: TorqueData, hypothesis: Hypothesis, file: Fit) -> 
 
 
 def _file(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
-    """The hypothesis that a robot file can hold."""
-    kept = tuple(term for term in hypothesis.terms if not left_out_of_the_file(term, data))
+    """The hypothesis that a robot file can hold.
+
+    A file has no events, but its numbers are estimated beside those of the recordings.
+    """
+    kept = tuple(term for term in hypothesis.terms if not isinstance(term.effect, UnknownForce))
     if len(kept) == len(hypothesis.terms) and hypothesis is start.hypothesis:
         return start
     return _possible(data, replace(hypothesis, terms=kept), start)
