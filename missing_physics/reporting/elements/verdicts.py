@@ -149,8 +149,9 @@ def located_first_to_last(diagnosis: Diagnosis) -> list[Mismatch]:
 
 
 def _places(diagnosis: Diagnosis) -> list[str]:
-    """For each place, the missing effects."""
-    return [
-        f"{joined(dict.fromkeys(map(name_text, findings)))} at {place}"
-        for place, findings in by_place(diagnosis).items()
-    ]
+    """The missing effects and where they are; places with the same ones together."""
+    found: dict[frozenset[str], tuple[str, list[str]]] = {}
+    for place, findings in by_place(diagnosis).items():
+        names = list(dict.fromkeys(map(name_text, findings)))
+        found.setdefault(frozenset(names), (joined(names), []))[1].append(place)
+    return [f"{names} at {joined(places)}" for names, places in found.values()]
