@@ -34,7 +34,7 @@ from scipy.stats import chi2
 from missing_physics.bodies.pseudo_inertia import COUNT, divergence
 from missing_physics.hypotheses import BODIES, Hypothesis
 from missing_physics.inference.fit import Fit, fitted
-from missing_physics.inference.ledger import ODDS
+from missing_physics.inference.ledger import ODDS, unstated
 from missing_physics.inference.problem import Problem
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard.layout import length_of
@@ -75,10 +75,10 @@ class Load:
     accuracy: float
 
 
-def without_bodies(hypothesis: Hypothesis) -> Hypothesis:
-    """The hypothesis with all bodies estimated, and without effects on single ones."""
+def without_bodies(data: TorqueData, hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis with all bodies and rotors unknown to the file estimated, without effects on single ones."""
     terms = tuple(t for t in hypothesis.terms if not is_on_body(t.effect))
-    return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES})
+    return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES} - unstated(data))
 
 
 def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
@@ -93,7 +93,7 @@ def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
     """
     if data.bends or data.layout.scale.any():
         return ()
-    beside = fitted(data, without_bodies(fit.hypothesis), fit)
+    beside = fitted(data, without_bodies(data, fit.hypothesis), fit)
     problem = Problem.of(data, beside.hypothesis, beside.numbers)
     free = problem.layout.free
     bodies = {

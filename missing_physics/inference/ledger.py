@@ -19,7 +19,7 @@ from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.score import block_scores
 
-__all__ = ["ODDS", "D", "Search", "Step", "absent", "filable", "prior"]
+__all__ = ["ODDS", "D", "Search", "Step", "absent", "filable", "prior", "unstated"]
 
 Array = NDArray[np.float64]
 D = TypeVar("D", bound=Data)
@@ -145,21 +145,21 @@ def absent(data: Data, hypothesis: Hypothesis) -> tuple[Term, ...]:
 
 
 def filable(data: Data) -> tuple[str, ...]:
-    """Parameters of the standard model that may have the robot file's value.
-
-    A file without rotors, as every URDF, does not say that there are none.
-    """
+    """Parameters of the standard model that may have the robot file's value."""
     layout = data.layout
     own = tuple(
         name
-        for name, free, filed in zip(layout.names, layout.free, data.filed)
-        if free
-        and name.rpartition(".")[2] in OF_JOINTS
-        and name.split(".")[0] in data.joints
-        and not (name.endswith(ROTOR) and filed == 0.0)
+        for name, free in zip(layout.names, layout.free)
+        if free and name.rpartition(".")[2] in OF_JOINTS and name.split(".")[0] in data.joints
     )
     bodies = any(layout.free[place].any() for place in layout.bodies)
     return (*own, *data.further, BODIES) if bodies else (*own, *data.further)
+
+
+def unstated(data: Data) -> set[str]:
+    """Rotors of which the robot file says nothing, as every URDF: it does not say that there are none."""
+    numbers = zip(data.layout.names, data.filed)
+    return {name for name, value in numbers if name.endswith(ROTOR) and value == 0.0}
 
 
 def prior(data: Data, fit: Fit) -> float:
@@ -178,7 +178,7 @@ def prior(data: Data, fit: Fit) -> float:
         effects += ODDS * (1 + len(term.added)) + term.further
         effects += EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
-    given = hypothesis.filed | {name for name, _ in hypothesis.held}
+    given = hypothesis.filed | {name for name, _ in hypothesis.held} | unstated(data)
     for term in added:
         if isinstance(term.effect, UnknownForce):  # spans the same functions as parameters of the file
             same = {f"{term.at}.{name}" for name in term.effect.along}

@@ -151,7 +151,7 @@ def fit_standard(
         found = estimate(model, nominal, taken(weights))
         for _ in range(ROUNDS if _has_passive(robot, recordings) else 0):
             found = estimate(model, nominal, taken(weights, found.values))
-        if model.tree.modal:
+        if model.tree.modal or model.free_base:
             found = _settled(model, nominal, found, lambda about: taken(weights, about))
     except np.linalg.LinAlgError:
         raise InputError(
@@ -165,9 +165,10 @@ def fit_standard(
 def _settled(
     model: RobotModel, nominal: Array, first: Estimate, taken: Callable[[Array], list[Rows]]
 ) -> Estimate:
-    """The estimate for links that bend, linearised about itself.
+    """The estimate where a free base or links that bend follow the joints, linearised about itself.
 
-    The phase of a vibration is linear in masses and stiffness only while it changes little. So a step is
+    The phase of a vibration is linear in masses and stiffness only while it changes little, and so is how a
+    base moves. So a step is
     halved until the recordings, linearised about its end, are predicted better there than before it.
     """
     place, found, count = nominal.copy(), first, nominal.size - 3

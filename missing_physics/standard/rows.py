@@ -212,7 +212,7 @@ def rows_of(
 
 
 def taken_about(rows: Rows, along: Along) -> Rows:
-    """The rows of a robot whose links bend, linearised about the inertial parameters of `along`."""
+    """The rows of a robot whose base or links follow, linearised about the inertial parameters of `along`."""
     motion, shares, inertial = along.motion, rows.shares, along.regressor
     others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
     own = np.where(np.isfinite(motion.torque), motion.smooth_torque, 0.0) - others
@@ -239,9 +239,9 @@ def _vibration(
 
 
 def _bodies(model: RobotModel, about: Array | None) -> Array:
-    """Inertial parameters with which base and links move: the file's, or the given ones where links bend."""
+    """Inertial parameters with which base and links move: the file's, or the given ones if these follow."""
     found = inertial_with_effects(model)
-    if about is not None and model.tree.modal:
+    if about is not None and (model.tree.modal or model.free_base):
         found[:-3] = about[: found.size - 3]
     return found
 

@@ -135,21 +135,26 @@ class TorqueData(Data):
     def is_near(self, one: Array, other: Array, terms: Sequence[Term]) -> bool:
         """Whether recordings linearised about the first parameters serve for the second, shape (X,) each.
 
-        Torques are shifted by delays. Links bend as the masses demand, and some effects are driven by the
+        Torques are shifted by delays. A base and links that bend follow as the masses demand, and some effects are driven by the
         torque that the motion needs: nearly alike where what differs changes the torques by less than the
-        model's own error.
+        noise and the model's own error.
         """
         angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
         if angle >= SAME:
             return False
         driven = {t.at for t in terms if isinstance(t.effect, JointEffect) and t.effect.uses_torque}
-        joints = np.array([self.bends or joint in driven for joint in self.joints])
+        joints = np.array([self.follows or joint in driven for joint in self.joints])
         if not joints.any():
             return True
-        count = len(self.runs[0].model.inertial_names) - 3 if self.bends else one.size
+        count = len(self.runs[0].model.inertial_names) - 3 if self.follows else one.size
         apart = [design[:, joints, :count] @ (one - other)[:count] for design in self.designs]
         change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
-        return bool(np.all(change < self.error[joints]))
+        return bool(np.all(change < np.minimum(self.error, self.noise)[joints]))
+
+    @property
+    def follows(self) -> bool:
+        """Whether a free base or links that bend follow the joints, so that masses determine the motion."""
+        return self.runs[0].along.response is not None
 
     @property
     def bends(self) -> bool:

@@ -217,7 +217,7 @@ def _run_about(
     inertial = numbers[:count].copy()
     inertial[-3:] = inertial_with_effects(model)[-3:]
     along = Along.of(model, motion, inertial)
-    if along.inner is not None:
+    if along.response is not None and rows.measured.any(axis=0).all():
         rows = taken_about(rows, along)
     viscous, coulomb, offset = numbers[count : count + joints * len(FRICTION)].reshape(joints, -1).T
     friction = -(viscous * motion.velocity + coulomb * motion.direction)
