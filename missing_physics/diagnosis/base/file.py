@@ -13,14 +13,12 @@ from missing_physics.diagnosis.base.stage import BaseResult
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.hypotheses import Term
 from missing_physics.results.result import Fit, Result, Verdict
+from missing_physics.standard.model import use_of
 from reference_model.effects.base import SensorEffect
 from reference_model.passive.prescribed import prescribed
 from robot_model import EffectUse, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["with_base", "without_base_effects"]
-
-#: Digits of a number in a robot file.
-DIGITS = 8
 
 
 def without_base_effects(
@@ -103,8 +101,7 @@ def _improvement(result: Result, base: BaseResult) -> float:
 
 def _use(term: Term) -> EffectUse:
     """A term in a robot file."""
-    values = {name: float(f"{value:.{DIGITS}g}") for name, value in term.parameters.items()}
-    return EffectUse(effect=term.effect.id, at=term.at, **values)
+    return use_of(term.effect.id, term.at, term.parameters)
 
 
 def _is_of_sensor(term: Term) -> bool:
