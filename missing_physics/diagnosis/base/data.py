@@ -135,8 +135,7 @@ class BaseData(Data):
     @property
     def independent(self) -> float:
         """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-        low_pass = self.runs[0].low_pass
-        return min(1.0, 2.0 * low_pass.cutoff * low_pass.stride / low_pass.rate)
+        return self.runs[0].low_pass.independent
 
     @property
     def width(self) -> float:

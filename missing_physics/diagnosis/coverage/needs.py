@@ -25,17 +25,14 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.hypotheses.extents import STANDSTILL
 
 __all__ = ["Needs"]
 
 Array = NDArray[np.float64]
 
-#: Slower than this part of the highest speed, the sign of a velocity is not counted in full.
-SLOW = 0.02
 #: Speed, as a part of the highest, over which friction may fall from its static level.
 STRIBECK = 0.1
-#: Part of a torque's energy that rounding leaves of a constant.
-ROUNDING = 1e-24
 #: Rows that are looked at at most.
 MOST_ROWS = 4000
 #: Damping of a drive that holds a joint, as a part of its stiffness: the time within which it answers [s].
@@ -72,7 +69,7 @@ class Needs:
         dynamic = dynamics.torque - gravity @ acting
         top = np.maximum(np.abs(motion.velocity).max(axis=0), 1e-12)
         speed = motion.velocity / top
-        sign = np.tanh(speed / SLOW)
+        sign = np.tanh(speed / STANDSTILL)
         signed = np.stack([speed, sign, sign * np.exp(-((speed / STRIBECK) ** 2)), motion.position], axis=2)
         free = np.concatenate([np.ones((count, joints, 1)), gravity], axis=2)
         most = motion.position + ANSWERS * motion.velocity
@@ -104,7 +101,7 @@ class Needs:
         other = joint if of is None else of
         columns, u = self._reduced("driven", joint, other)
         energy, recorded = float(u @ u), self.measured[:, other]
-        if energy <= ROUNDING * float(recorded @ recorded):  # a constant, as of a joint that nothing drives
+        if energy <= _rounding(recorded):  # a constant, as of a joint that nothing drives
             return 0.0
         bounds = np.array([scale, *[(0.0, np.inf)] * (columns.shape[1] - 1)]).T
         bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
@@ -121,7 +118,7 @@ class Needs:
         """
         columns, u = self._reduced("held", joint, joint)
         energy, recorded = float(u @ u), self.measured[:, joint]
-        if energy <= ROUNDING * float(recorded @ recorded):
+        if energy <= _rounding(recorded):
             return 0.0
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         bounds = np.array([scale, (0.0, np.inf), (0.0, np.inf)]).T
@@ -137,7 +134,7 @@ class Needs:
         columns, _ = self._reduced("driven", joint, joint)
         needed, size = columns[:, 0], np.maximum(np.linalg.norm(columns[:, 1:], axis=0), 1e-300)
         energy, whole = float(needed @ needed), self.dynamic[:, joint]
-        if energy <= ROUNDING * float(whole @ whole):
+        if energy <= _rounding(whole):
             return 0.0
         found = lsq_linear(columns[:, 1:] / size, -needed, (0.0, np.inf), method="bvls")
         return float(2 * found.cost / energy)
@@ -168,6 +165,11 @@ class Needs:
             self._kept[key] = np.asarray(np.linalg.qr(both - basis @ (basis.T @ both), mode="r"))
         kept = self._kept[key]
         return kept[:, :-1], kept[:, -1]
+
+
+def _rounding(series: Array) -> float:
+    """Energy that rounding leaves of a series with everything projected out of it."""
+    return float((np.finfo(float).eps * MOST_ROWS) ** 2 * (series @ series))
 
 
 def _basis(columns: Array) -> Array:

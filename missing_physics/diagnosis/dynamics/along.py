@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
-from missing_physics.diagnosis.motion.sliding import transition_speeds
 from robot_model import Joint, Robot
 
 __all__ = ["Along"]
@@ -39,11 +37,6 @@ class Along:
     def joints(self) -> tuple[Joint, ...]:
         """Those that move."""
         return self.robot.moving_joints
-
-    @cached_property
-    def transition(self) -> Array:
-        """Speed below which the sign of each joint's velocity is not known, shape (n,)."""
-        return transition_speeds(self.motion)
 
     @property
     def time(self) -> Array:

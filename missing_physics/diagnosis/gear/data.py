@@ -122,8 +122,7 @@ class GapData(Data):
     @property
     def independent(self) -> float:
         """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-        low_pass = self.gaps[0][0].along.motion.low_pass
-        return min(1.0, 2.0 * low_pass.cutoff * low_pass.stride / low_pass.rate)
+        return self.gaps[0][0].along.motion.low_pass.independent
 
     @property
     def start(self) -> Array:

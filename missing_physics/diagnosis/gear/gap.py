@@ -24,9 +24,6 @@ __all__ = ["Gap", "gaps_of"]
 
 Array = NDArray[np.float64]
 
-#: Length over which the filter's noise gain is measured, in its edges.
-IMPULSE_EDGES = 8
-
 
 @dataclass(frozen=True)
 class Gap:
@@ -93,7 +90,7 @@ class Gap:
     @property
     def transition(self) -> float:
         """Speed below which the sign of the velocity is not known."""
-        return float(self.along.transition[self.index])
+        return float(self.along.motion.transition[self.index])
 
     @cached_property
     def smooth(self) -> Mapping[str, Array]:
@@ -164,7 +161,7 @@ def _gap_of(along: Along, links: Array, recording: Recording, index: int) -> Gap
         index=index,
         joint=joint,
         difference=difference,
-        noise_floor=white * _noise_gain(along),
+        noise_floor=white * motion.low_pass.noise_gain,
         torques=_torques(along, links, index),
         steps=float(np.linalg.norm(steps)),
     )
@@ -176,14 +173,6 @@ def _steps(along: Along, recording: Recording, channel: str) -> float:
     if sensor is not None:
         return steps_left(sensor.noise, sensor.resolution)
     return steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
-
-
-def _noise_gain(along: Along) -> float:
-    """rms of filtered over rms of white noise."""
-    low_pass = along.motion.low_pass
-    impulse = np.zeros(2 * IMPULSE_EDGES * max(low_pass.edge, 1) + 1)
-    impulse[impulse.size // 2] = 1.0
-    return float(np.linalg.norm(low_pass.smooth(impulse)))
 
 
 def _torques(along: Along, links: Array, index: int) -> dict[str, Array]:

@@ -164,7 +164,7 @@ def _open_questions(data: GapData, answer: Fit, findings: Sequence[Finding], k: 
                     "flanks would not show."
                 )
     travel = max(float(np.ptp(own[k].position)) for own in data.gaps[: data.fitted])
-    if not gap.is_prismatic and travel < SEEN_CYCLE and "encoder_eccentricity" not in stated:
+    if not gap.is_prismatic and travel < 2.0 * np.pi * SEEN_CYCLE and "encoder_eccentricity" not in stated:
         yield (
             f"{joint}: an eccentric disc of the joint's encoder cannot be seen in "
             f"{np.degrees(travel):.0f} degrees of a turn; it would look like a gain error or a slow curve "
