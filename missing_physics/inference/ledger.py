@@ -30,8 +30,6 @@ ODDS = 4.0
 #: Further odds against an event [nats], which could have happened at any other time: one over the number of
 #: stretches of time in which it is searched.
 EVENT = float(np.log(0.5 * EDGES**2))
-#: Further odds against a force that is none of the known effects [nats]: as much again.
-UNNAMED = 4.0
 #: Parameters of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
 #: Most linearised recordings that are cached.
@@ -159,7 +157,8 @@ def prior(data: Data, fit: Fit) -> float:
 
     A friction law of the file costs as much as an effect where it is absent, and each of its parameters that
     is estimated as much as another number. A wave over position could have any of the orders that the
-    recordings tell apart, and an event could have happened at any time.
+    recordings tell apart, an event could have happened at any time, and a force that is none of the known
+    effects is as improbable again.
     """
     hypothesis = fit.hypothesis
     added = [term for term in hypothesis.terms if not term.is_given]
@@ -168,7 +167,7 @@ def prior(data: Data, fit: Fit) -> float:
     effects = 0.0
     for term in added:
         effects += ODDS * (1 + len(term.added)) + term.further
-        effects += EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
+        effects += EVENT * term.effect.is_event + ODDS * isinstance(term.effect, UnknownForce)
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
     for term in added:

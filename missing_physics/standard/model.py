@@ -29,7 +29,16 @@ from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.beam_numbers import POSITIVE, beam_with
 from robot_model import EffectUse, InputError, Recording, Robot
 
-__all__ = ["EFFECTS", "JointErrors", "StandardModel", "as_robot", "fit_standard", "use_of"]
+__all__ = [
+    "AGREED",
+    "EFFECTS",
+    "HALVINGS",
+    "JointErrors",
+    "StandardModel",
+    "as_robot",
+    "fit_standard",
+    "use_of",
+]
 
 Array = NDArray[np.float64]
 #: Stretches of time [s], first and last instant of each.

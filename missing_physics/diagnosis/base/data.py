@@ -66,7 +66,7 @@ class BaseData(Data):
         about = np.concatenate(
             [own.reduce(own.measured - own.measured.mean(axis=0)) for own in runs[:fitted]]
         )
-        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), 1e-15)
+        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), np.finfo(float).eps)
         error = MODEL_ERROR * size
         noise = np.sqrt(np.mean([own.noise**2 for own in runs], axis=0))
         begun = fitted if fitted < MANY else 0

@@ -21,6 +21,7 @@ from missing_physics.diagnosis.base.findings import (
     stated_terms,
 )
 from missing_physics.diagnosis.base.rates import Rates
+from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.hypotheses import BODIES, Term
 from missing_physics.inference import Fit, search, weighed
@@ -31,8 +32,6 @@ from robot_model import Recording, Robot
 
 __all__ = ["BaseResult", "diagnose_base"]
 
-#: Rows of which anything can be said: fewer than independent samples for the numbers of one body.
-FEWEST = 40
 TURNED = (
     "The base does not turn as the joints' motion and conservation of momentum demand: something on board "
     "moves, something outside the robot acts on it, or bodies differ from the robot file's."
@@ -100,7 +99,7 @@ def diagnose_base(
     """
     channels = gyro_channels(robot, recordings)
     runs = [Rates(*each, channels) for each in zip(along, recordings)]
-    if not channels or min(run.time.size for run in runs) < FEWEST:
+    if not channels or min(run.time.size for run in runs) < FEWEST_ROWS:
         return None
     if progress:
         progress("weighing what turns the base")

@@ -28,9 +28,6 @@ __all__ = ["GapData"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Width of the prior of a zero, as a part of its size and that of the gap: rows determine it.
-ANY = 1e3
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GapData(Data):
@@ -61,7 +58,7 @@ class GapData(Data):
         targets = [_differences(own) for own in gaps]
         offsets = np.concatenate([target.mean(axis=0) for target in targets[:fitted]])
         about = np.concatenate([target - target.mean(axis=0) for target in targets[:fitted]])
-        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), 1e-15)
+        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), np.finfo(float).eps)
         designs = []
         for i, target in enumerate(targets):
             design = np.zeros((*target.shape, offsets.size))
@@ -78,7 +75,7 @@ class GapData(Data):
             positive=np.zeros(0, dtype=int),
             size=sizes,
             centre=np.zeros(offsets.size),
-            width=ANY * (sizes + np.abs(offsets)),
+            width=np.full(offsets.size, np.inf),  # rows determine them
             scale=np.zeros(offsets.size),
             beams=np.zeros(0, dtype=int),
         )

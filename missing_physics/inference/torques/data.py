@@ -39,13 +39,11 @@ __all__ = ["TorqueData"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Standard deviations of the priors of delays: of all torques due to holds and buses [samples]; of single
-#: joints the same, plus that due to filters in their drives [s], whose cut-offs are some tens of Hz.
-OFFSET, FILTER = 1.0, 5e-3
+#: Standard deviation of the prior of the delay that filters in the drive of a single joint make [s]: their
+#: cut-offs are some tens of Hz. Holds and buses make one of a sample at all joints.
+FILTER = 5e-3
 #: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
 SAME = 0.05
-#: Lower bound of torque scales [N m or N], which keeps parameter scales finite where a channel is zero.
-SMALLEST = 1e-12
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,7 +75,8 @@ class TorqueData(Data):
         blocks = blocks_of([run.rows.counted for run in runs], fitted)
         squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
-        torque = np.maximum(torque, max(1e-9 * float(torque.max()), SMALLEST))
+        # A channel that is zero throughout has a scale, too.
+        torque = np.maximum(torque, max(1e-9 * float(torque.max()), np.finfo(float).eps))
         step = 1.0 / runs[0].motion.sampling
         driven = np.any([run.driven for run in runs], axis=0)
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
@@ -297,7 +296,7 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
     offsets = [base.names.index(f"{joint}.offset") for joint in joints]
     slides = [bool(base.free[place] and moved) for place, moved in zip(offsets, driven)]
     free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
-    width = np.array([OFFSET * step, *[np.hypot(OFFSET * step, FILTER)] * len(joints)])
+    width = np.array([step, *[np.hypot(step, FILTER)] * len(joints)])
     return Layout(
         names=(*base.names, TIMING, *(f"{joint}.{TIMING}" for joint in joints)),
         start=np.concatenate([base.start, np.zeros(free.size)]),
