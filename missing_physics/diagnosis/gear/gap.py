@@ -88,6 +88,11 @@ class Gap:
         return self.along.joints[self.index].kind == "prismatic"
 
     @property
+    def unit(self) -> str:
+        """Of the gap."""
+        return "m" if self.is_prismatic else "rad"
+
+    @property
     def transition(self) -> float:
         """Speed below which the sign of the velocity is not known."""
         return float(self.along.motion.transition[self.index])

@@ -38,11 +38,11 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
     before = 1.0 - z * side
     if before <= 0.0:
         return z
-    if not height:
-        return side * (1.0 - before * math.exp(-abs(change) / travel))
     ratio = height / travel
-    after = wrightomega(math.log(ratio * before) + ratio * before - abs(change) / travel) / ratio
-    return side * (1.0 - float(after))
+    if not ratio:
+        return side * (1.0 - before * math.exp(-abs(change) / travel))
+    exponent = math.log(ratio) + math.log(before) + ratio * before - abs(change) / travel
+    return side * (1.0 - float(wrightomega(exponent)) / ratio)
 
 
 def lagging(torque: Array, size: float, height: float) -> Array:
