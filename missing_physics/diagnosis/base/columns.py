@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.base.changed import Changed, Slope, masses_of
 from missing_physics.diagnosis.base.rates import Rates
-from missing_physics.diagnosis.base.response import vibrating
-from missing_physics.evaluation.response import Vibration
+from missing_physics.evaluation.response import Vibration, vibrating
 from missing_physics.hypotheses import Term
 from missing_physics.inference.kept import Kept, step_of
 from missing_physics.standard.normal import Places
@@ -173,7 +172,7 @@ def _shaken(terms: Sequence[Term], steps: Sequence[Values], rates: Rates, known:
         )
         inertia = np.stack([one.inertia for _, one in pairs], axis=1)
         force = np.stack([one.force for _, one in pairs], axis=1)[..., None]
-        places, speeds = vibrating(inertia, stiffness, damping, force, rates.floating.step)
+        places, speeds, _ = vibrating(inertia, stiffness, damping, force, rates.floating.step)
         for k, (number, (_, one)) in enumerate(zip(which, pairs)):
             found[:, :, number] = one.turned(places[:, k], speeds[:, k])[:, :, 0]
     return found
