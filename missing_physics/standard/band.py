@@ -34,6 +34,7 @@ __all__ = [
     "band_motion",
     "motion_band",
     "position_channel",
+    "velocity_noise_of",
 ]
 
 Array = NDArray[np.float64]
@@ -244,7 +245,7 @@ def band_motion(
         torque=torque[::stride],
         unsteady=np.hypot(jumps, rounding)[::stride],
         rounding=np.sqrt(np.mean(rounding**2, axis=0)),
-        velocity_noise=_velocity_noise(spread, clock.rate, wide),
+        velocity_noise=velocity_noise_of(spread, clock.rate, wide),
         torque_noise=noise,
         cutoff=cutoff,
         smoothing=wide,
@@ -295,7 +296,7 @@ def _step(robot: Robot, recording: Recording, joint: str) -> float:
     return abs(factor) * known
 
 
-def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
+def velocity_noise_of(position_noise: Array, rate: float, cutoff: float) -> Array:
     """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
     return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
 

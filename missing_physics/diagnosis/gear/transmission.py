@@ -134,7 +134,7 @@ def _open_questions(
     joint, here = gap.joint, [term for term in answer.hypothesis.terms if term.at == gap.joint]
     stated = {f.effect for f in findings if f.location.split(".")[0] == joint}
     yield (
-        f"{joint}: the mean difference of the encoders, {data.offsets[k]:.3g} {unit}, was left free: a zero "
+        f"{joint}: the mean difference of the encoders, {data.start[k]:.3g} {unit}, was left free: a zero "
         "error and wind-up under a constant load look the same."
     )
     spring = next((t for t in here if t.effect in (ELASTICITY, HYSTERESIS)), None)

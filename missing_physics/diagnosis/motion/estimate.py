@@ -22,9 +22,9 @@ from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
 from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.evaluation.joint_motion import SIGN_UNCERTAINTY, SLOWEST
-from missing_physics.standard.band import HIGHEST, LOWEST, WIDER, WIDEST
+from missing_physics.standard.band import HIGHEST, LOWEST, WIDER, WIDEST, position_channel, velocity_noise_of
 from reference_model.control.laws import sample_time
-from robot_model import InputError, Recording, Robot
+from robot_model import Recording, Robot
 
 __all__ = ["Motion", "estimate_motion"]
 
@@ -79,7 +79,7 @@ class Motion:
     @property
     def velocity_noise(self) -> Array:
         """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
-        return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff)
+        return velocity_noise_of(self.position_noise, self.low_pass.rate, self.motion_cutoff)
 
     @property
     def transition(self) -> Array:
@@ -125,7 +125,7 @@ def estimate_motion(
         InputError: a joint's position is absent, or too few samples.
     """
     names = [joint.name for joint in robot.moving_joints]
-    channels = [_position_channel(recording, name) for name in names]
+    channels = [position_channel(robot, recording, name) for name in names]
     sources = [actuator_torque(robot, recording, name)[0] for name in names]
     core = [*channels, *(source for source in sources if source)]
     clock = Clock.of(recording, core)
@@ -174,16 +174,6 @@ def estimate_motion(
         others={channel: clock.values(channel) for channel in others},
         left_out=clock.left_out,
         drive=drive,
-    )
-
-
-def _position_channel(recording: Recording, joint: str) -> str:
-    for quantity in ("motor_position", "position"):
-        if f"{joint}.{quantity}" in recording:
-            return f"{joint}.{quantity}"
-    raise InputError(
-        f"{recording.source or 'the recording'} has neither {joint}.position nor {joint}.motor_position; "
-        "a diagnosis needs the position of every moving joint (use --map to name its source)."
     )
 
 
@@ -260,11 +250,6 @@ def _cutoff(
     return float(np.clip(chosen, min(LOWEST, highest), highest))
 
 
-def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
-    """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
-    return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
-
-
 def _motion_cutoff(
     rate: float,
     cutoff: float,
@@ -279,7 +264,7 @@ def _motion_cutoff(
     it; the noise it lets through is taken out again by the filter that all torques pass.
     """
     speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate
-    noise = _velocity_noise(position_noise, rate, 1.0)  # which grows as the power 3/2 of the cut-off
+    noise = velocity_noise_of(position_noise, rate, 1.0)  # which grows as the power 3/2 of the cut-off
     known = [(SIGN_KNOWN * v / own) ** (2 / 3) for v, own in zip(speed, noise) if own > 0.0]
     return max(min(WIDER * cutoff, widest, *known), cutoff)
 

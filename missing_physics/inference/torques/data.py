@@ -88,6 +88,11 @@ class TorqueData(Data):
             designs=_designs(runs),
             blocks=blocks,
             size=torque,
+            noise=np.sqrt(np.mean([run.rows.noise**2 for run in runs], axis=0)),
+            error=MODEL_ERROR * torque,
+            independent=float(min(1.0, 2.0 * runs[0].motion.cutoff * np.diff(runs[0].rows.time[:2])[0])),
+            robot=standard.nominal,
+            joints=tuple(runs[0].model.joints),
             given=given,
             standard=standard,
             runs=runs,
@@ -152,12 +157,6 @@ class TorqueData(Data):
         """Whether links bend, so that torques are not linear in the bodies."""
         return self.runs[0].along.inner is not None
 
-    @property
-    def independent(self) -> float:
-        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-        run = self.runs[0]
-        return float(min(1.0, 2.0 * run.motion.cutoff * (run.rows.time[1] - run.rows.time[0])))
-
     def late(self, numbers: Array) -> Array:
         """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
         first = self.filed.size - self.size.size - 1
@@ -185,21 +184,6 @@ class TorqueData(Data):
             self._targets[run] = np.where(own.rows.counted, own.torque + late, 0.0)
         return self._targets[run]
 
-    @cached_property
-    def error(self) -> Array:
-        """Error of the model itself, which no hypothesis explains, rms at each joint, shape (n,)."""
-        return MODEL_ERROR * self.size
-
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the moving joints."""
-        return tuple(self.runs[0].model.joints)
-
-    @property
-    def robot(self) -> Robot:
-        """The nominal robot."""
-        return self.standard.nominal
-
     @property
     def sigma(self) -> Array:
         """rms residual of the standard model at each joint, shape (n,)."""
@@ -209,11 +193,6 @@ class TorqueData(Data):
     def width(self) -> float:
         """Relative width of the prior of bodies that the standard model chose."""
         return self.standard.estimate.width
-
-    @cached_property
-    def noise(self) -> Array:
-        """rms at each joint that sensors leave of the torques [N m or N], shape (n,)."""
-        return np.sqrt(np.mean([run.rows.noise**2 for run in self.runs], axis=0))
 
     @property
     def timing(self) -> tuple[str, ...]:
