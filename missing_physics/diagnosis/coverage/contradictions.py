@@ -152,7 +152,7 @@ def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
     for k, joint in enumerate(robot.moving_joints):
         if joint.velocity_limit is None:
             continue
-        speed = np.sort(np.abs(motion.velocity[motion.low_pass.kept(len(motion.time)), k]))
+        speed = np.sort(np.abs(motion.velocity[motion.kept, k]))
         top = float(speed[-FEWEST_SURE])
         if top > BELIEVED[1] * joint.velocity_limit:
             channel = motion.position_channels[k]

@@ -116,7 +116,7 @@ def _sure(motion: Motion) -> Flags:
     size = 2 * int(memory * motion.low_pass.rate) + 1
     ahead = minimum_filter1d(motion.velocity, size, axis=0) > near
     back = maximum_filter1d(motion.velocity, size, axis=0) < -near
-    return np.asarray(ahead | back)[motion.low_pass.kept(len(motion.time))]
+    return np.asarray(ahead | back)[motion.kept]
 
 
 def _moves(recording: Recording, motion: Motion) -> Flags:
@@ -129,7 +129,7 @@ def _moves(recording: Recording, motion: Motion) -> Flags:
 
 def _directions(motion: Motion, index: int) -> set[float]:
     """Signs of the velocities that are more than a standstill."""
-    velocity = motion.velocity[motion.low_pass.kept(len(motion.velocity)), index]
+    velocity = motion.velocity[motion.kept, index]
     moving = velocity[np.abs(velocity) > STANDSTILL * np.abs(velocity).max(initial=0.0)]
     return set(np.sign(moving).tolist())
 

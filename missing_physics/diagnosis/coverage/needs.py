@@ -100,14 +100,7 @@ class Needs:
         """
         other = joint if of is None else of
         columns, u = self._reduced("driven", joint, other)
-        energy, recorded = float(u @ u), self.measured[:, other]
-        if energy <= _rounding(recorded):  # a constant, as of a joint that nothing drives
-            return 0.0
-        bounds = np.array([scale, *[(0.0, np.inf)] * (columns.shape[1] - 1)]).T
-        bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        found = lsq_linear(columns / size, sign * u, (bounds * size).clip(max=np.inf), method="bvls")
-        return float(2 * found.cost / energy)
+        return _left(columns, sign * u, self.measured[:, other], scale)
 
     def left_if_held(self, joint: int, scale: tuple[float, float]) -> float:
         """As `left`, of a joint that its drive holds against what others do to it.
@@ -116,14 +109,7 @@ class Needs:
             joint: of the torque.
             scale: between which k may lie; not negative.
         """
-        columns, u = self._reduced("held", joint, joint)
-        energy, recorded = float(u @ u), self.measured[:, joint]
-        if energy <= _rounding(recorded):
-            return 0.0
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        bounds = np.array([scale, (0.0, np.inf), (0.0, np.inf)]).T
-        found = lsq_linear(columns / size, u, (bounds * size).clip(max=np.inf), method="bvls")
-        return float(2 * found.cost / energy)
+        return _left(*self._reduced("held", joint, joint), self.measured[:, joint], scale)
 
     def undriven(self, joint: int) -> float:
         """Part of the energy of `dynamic` that no friction, spring, gravity or constant torque makes.
@@ -132,19 +118,12 @@ class Needs:
         it is a single sine, which a spring could make as well.
         """
         columns, _ = self._reduced("driven", joint, joint)
-        needed, size = columns[:, 0], np.maximum(np.linalg.norm(columns[:, 1:], axis=0), 1e-300)
-        energy, whole = float(needed @ needed), self.dynamic[:, joint]
-        if energy <= _rounding(whole):
-            return 0.0
-        found = lsq_linear(columns[:, 1:] / size, -needed, (0.0, np.inf), method="bvls")
-        return float(2 * found.cost / energy)
+        return _left(columns[:, 1:], -columns[:, 0], self.dynamic[:, joint])
 
     def scale(self, joint: int, *, sign: float = 1.0) -> float:
         """The k of best fit, not negative."""
         columns, u = self._reduced("driven", joint, joint)
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        found = lsq_linear(columns / size, sign * u, (0.0, np.inf), method="bvls")
-        return float(found.x[0] / size[0])
+        return float(_fitted(columns, sign * u)[0])
 
     def _reduced(self, model: str, joint: int, of: int) -> tuple[Array, Array]:
         """Columns of a model and a torque, with what is free projected out of both, shape (C, M) and (C,).
@@ -167,9 +146,26 @@ class Needs:
         return kept[:, :-1], kept[:, -1]
 
 
-def _rounding(series: Array) -> float:
-    """Energy that rounding leaves of a series with everything projected out of it."""
-    return float((np.finfo(float).eps * MOST_ROWS) ** 2 * (series @ series))
+def _left(columns: Array, u: Array, whole: Array, first: tuple[float, float] = (0.0, np.inf)) -> float:
+    """Part of the energy of a reduced series that columns leave, none of them negative; see `_fitted`.
+
+    Nothing is left of a constant, as of a joint that nothing drives: of `whole`, before it was reduced, no
+    more than rounding.
+    """
+    energy = float(u @ u)
+    if energy <= (np.finfo(float).eps * MOST_ROWS) ** 2 * float(whole @ whole):
+        return 0.0
+    apart = u - columns @ _fitted(columns, u, first)
+    return float(apart @ apart) / energy
+
+
+def _fitted(columns: Array, u: Array, first: tuple[float, float] = (0.0, np.inf)) -> Array:
+    """Factors of columns by least squares, not negative, that of the first within its ends, shape (C,)."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    bounds = np.array([first, *[(0.0, np.inf)] * (len(size) - 1)]).T
+    bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
+    found = lsq_linear(columns / size, u, (bounds * size).clip(max=np.inf), method="bvls")
+    return np.asarray(found.x / size)
 
 
 def _basis(columns: Array) -> Array:

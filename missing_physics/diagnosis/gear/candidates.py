@@ -80,7 +80,7 @@ def _cycle(order: float) -> dict[str, float]:
 
 def _cycles(gaps: Sequence[Gap], travel: float) -> float:
     """Most cycles over the travel that the filter passes at the median speed, and samples determine."""
-    speed = np.abs(np.concatenate([gap.along.velocity[:, gap.index] for gap in gaps]))
+    speed = np.abs(np.concatenate([gap.velocity[gap.along.motion.kept] for gap in gaps]))
     moving = speed[speed > STANDSTILL * float(speed.max())]
     if not moving.size:
         return 0.0
@@ -145,14 +145,14 @@ def _stiffness(torques: Sequence[Array], left: Sequence[Array]) -> float:
 
 def _sight(gap: Gap, left: Array) -> Sight:
     """The joint in one recording, for the orders in its residual."""
-    low_pass, k = gap.along.motion.low_pass, gap.index
+    motion = gap.along.motion
     return Sight(
-        time=gap.along.time,
-        position=gap.along.position[:, k],
-        velocity=gap.along.velocity[:, k],
+        time=motion.reduced_time,
+        position=gap.position[motion.kept],
+        velocity=gap.velocity[motion.kept],
         torque=gap.reduce(gap.torques["link"]),
         residual=left,
-        step=1.0 / low_pass.rate,
-        cutoff=low_pass.cutoff,
+        step=1.0 / motion.low_pass.rate,
+        cutoff=motion.low_pass.cutoff,
         gear_ratio=gap.gear_ratio,
     )

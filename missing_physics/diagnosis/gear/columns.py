@@ -56,7 +56,7 @@ class GapColumns:
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
         """Sum of what terms contribute to the gaps, shape (K, n)."""
-        found = np.zeros((self._gaps[run][0].along.time.size, len(self._gaps[run])))
+        found = np.zeros((self._gaps[run][0].along.motion.reduced_time.size, len(self._gaps[run])))
         for term in terms:
             acts, values = self.acting(term, run)
             found[:, acts] += values[:, :, 0]

@@ -51,7 +51,6 @@ class GapData(Data):
             fitted: how many recordings are fitted.
         """
         width = len(gaps[0])
-        blocks = blocks_of([np.ones((own[0].along.time.size, width), dtype=bool) for own in gaps], fitted)
         whole = [np.column_stack([gap.reduce(gap.difference) for gap in own]) for own in gaps]
         centred = [target - target.mean(axis=0) for target in whole]
         targets = *whole[:fitted], *centred[fitted:]
@@ -84,7 +83,7 @@ class GapData(Data):
             layout=layout,
             filed=np.zeros(offsets.size),
             designs=tuple(designs),
-            blocks=blocks,
+            blocks=blocks_of([np.ones(target.shape, dtype=bool) for target in whole], fitted),
             size=size,
             noise=np.sqrt(np.mean([[gap.noise_floor**2 for gap in own] for own in gaps], axis=0)),
             error=np.hypot(MODEL_ERROR * size, steps),
@@ -102,7 +101,7 @@ class GapData(Data):
 
     def time(self, run: int) -> Array:
         """Of the rows of one recording [s], shape (K,)."""
-        return self.gaps[run][0].along.time
+        return self.gaps[run][0].along.motion.reduced_time
 
     def counted(self, run: int) -> Mask:
         """Every row is compared, shape (K, n)."""

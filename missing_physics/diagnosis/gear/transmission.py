@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from missing_physics.answer.answer import dismissed, rung
 from missing_physics.answer.locate import BEYOND_NOISE, p_value_of
-from missing_physics.diagnosis.dynamics.along import Along
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.further.errors import beyond_noise, errors_of, fits_of, series_of
 from missing_physics.diagnosis.further.findings import findings_of
 from missing_physics.diagnosis.further.merge import Further
@@ -50,7 +50,7 @@ def diagnose_transmission(
     recordings: Sequence[Recording],
     validation: Sequence[Recording] = (),
     *,
-    along: Sequence[Along],
+    along: Sequence[MotionDynamics],
     progress: Callable[[str], None] | None = None,
 ) -> TransmissionResult | None:
     """Name what makes the two encoders of a joint differ.
@@ -97,11 +97,11 @@ def diagnose_transmission(
 
 def _shown(data: GapData, run: int, k: int) -> dict[str, Any]:
     """Of one gap in one recording, for its series."""
-    along, gap = data.gaps[run][k].along, data.gaps[run][k]
+    gap, motion = data.gaps[run][k], data.gaps[run][k].along.motion
     return {
-        "recording": along.motion.source,
-        "position": along.position[:, gap.index],
-        "velocity": along.velocity[:, gap.index],
+        "recording": motion.source,
+        "position": gap.position[motion.kept],
+        "velocity": gap.velocity[motion.kept],
         "variable_units": (gap.unit, f"{gap.unit}/s"),
     }
 

@@ -99,9 +99,14 @@ class Motion:
         )
 
     @property
+    def kept(self) -> slice:
+        """Samples that `LowPass.reduce` keeps."""
+        return self.low_pass.kept(self.time.size)
+
+    @property
     def reduced_time(self) -> Array:
-        """Instants of the samples that `LowPass.reduce` keeps [s]."""
-        return self.time[self.low_pass.kept(self.time.size)]
+        """Their instants [s]."""
+        return self.time[self.kept]
 
 
 def estimate_motion(
