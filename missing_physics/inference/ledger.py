@@ -6,7 +6,7 @@ its masses change little. So every fit that is pursued is one to recordings line
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -127,6 +127,10 @@ class Search(Generic[D]):
             total = float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit)
             self._scores[id(fit)] = known = fit, self.shares, total
         return known[2]
+
+    def known(self, hypothesis: Hypothesis, make: Callable[[], Fit]) -> Fit:
+        """The fit of a hypothesis, made and remembered where there is none yet."""
+        return self.made[hypothesis.key] if hypothesis.key in self.made else self.keep(make())
 
     def keep(self, fit: Fit) -> Fit:
         """Remember a fit."""
