@@ -31,9 +31,9 @@ HELD_OUT = -1
 #: Stretches into which a recording is cut, each of them a fold, and blocks per stretch: long compared with
 #: the correlation time of the residual.
 STRETCHES, BLOCKS = 8, 5
-#: Stretches that are held out where no recording is held out.
+#: Stretches that are held out where no recording is held out: apart from each other and from both ends.
 OWN_HELD_OUT = (2, 6)
-#: With at least this many recordings, each of them is one fold.
+#: With at least this many recordings, each of them is one fold: the others then still cover the motion.
 MANY = 5
 
 

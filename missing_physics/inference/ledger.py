@@ -32,9 +32,9 @@ ODDS = 4.0
 EVENT = float(np.log(0.5 * EDGES**2))
 #: Parameters of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
-#: Most linearised recordings that are cached.
+#: Most linearised recordings that are cached: those of the hypotheses in the beam, and one more.
 KEPT = 3
-#: Most rounds in which recordings are linearised about a fit to them.
+#: Most rounds in which recordings are linearised about a fit to them; each settles what the last one moved.
 SETTLING = 5
 
 

@@ -18,7 +18,7 @@ __all__ = ["Look", "Screen"]
 
 Array = NDArray[np.float64]
 
-#: Candidates whose columns are computed together.
+#: Candidates whose columns are computed together: filters cost as much for one as for some, memory does not.
 TOGETHER = 32
 
 

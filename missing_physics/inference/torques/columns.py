@@ -28,7 +28,7 @@ __all__ = ["KeptColumns", "added_to_bodies", "columns_of", "cut"]
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
 
-#: A torque counts as cut where at least this part of it is missing.
+#: A torque counts as cut where at least this part of it is missing [-]: more than the law's corner takes.
 CUT = 0.01
 
 
