@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.ndimage import maximum_filter1d
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
@@ -25,7 +25,7 @@ Flags = NDArray[np.bool_]
 
 #: A joint moves when its travel and its speed exceed their noise by this factor.
 MOVES = 10.0
-#: Rows of sure direction from which it is asked whether more than noise is left of a torque.
+#: Rows of sure direction of which anything can be said [-]: those of five periods of the cut-off.
 FEWEST_SURE = 20
 
 
@@ -110,13 +110,14 @@ def _held_out(motion: Motion) -> Flags:
 
 
 def _sure(motion: Motion) -> Flags:
-    """Rows in which each joint surely moves in one direction, within the smoother's memory too, (R, n)."""
-    still, memory = SLOWEST * np.abs(motion.velocity).max(axis=0), 0.5 / motion.motion_cutoff
-    near = np.maximum(NEAR * motion.velocity_noise, still)
-    size = 2 * int(memory * motion.low_pass.rate) + 1
-    ahead = minimum_filter1d(motion.velocity, size, axis=0) > near
-    back = maximum_filter1d(motion.velocity, size, axis=0) < -near
-    return np.asarray(ahead | back)[motion.kept]
+    """Rows in which each joint surely moves in one direction, (R, n): it stands still nowhere near them.
+
+    Near is what the smoother of the motion remembers: half a period of its cut-off.
+    """
+    speed, memory = np.abs(motion.velocity), 0.5 / motion.motion_cutoff
+    still = speed <= np.maximum(NEAR * motion.velocity_noise, SLOWEST * speed.max(axis=0))
+    near = maximum_filter1d(still, 2 * int(memory * motion.low_pass.rate) + 1, axis=0)
+    return np.asarray(~near[motion.kept])
 
 
 def _moves(recording: Recording, motion: Motion) -> Flags:
