@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from missing_physics.hypotheses import Term, UnknownForce
 from missing_physics.inference import Fit
 from missing_physics.inference.torques.data import TorqueData
-from missing_physics.standard.model import as_robot
+from missing_physics.standard.model import as_robot, use_of
 from missing_physics.standard.rows import without_friction
 from robot_model import EffectUse, Robot
 
 __all__ = ["augmented"]
 
-#: Digits of a number in a robot file.
-DIGITS = 10
 #: Effects that are parameters of the standard model.
 NUMBERS = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
 
@@ -31,11 +29,11 @@ def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping
     robot = as_robot(without_friction(data.standard.nominal), data.runs[0].model, numbers)
     kept = tuple(use for use in robot.effects if use.effect not in NUMBERS or any(_values(use).values()))
     found = [
-        _use(term.effect.id, term.at, term.parameters)
+        use_of(term.effect.id, term.at, term.parameters)
         for term in fit.hypothesis.terms
         if not _is_left_out(term, data)
     ]
-    found += [_use(effect, at, values) for (effect, at), values in more.items()]
+    found += [use_of(effect, at, values) for (effect, at), values in more.items()]
     taken = {(use.effect, use.at) for use in found}
     kept = tuple(use for use in kept if (use.effect, use.at) not in taken)
     return robot.model_copy(update={"effects": (*kept, *found)})
@@ -47,10 +45,6 @@ def _is_left_out(term: Term, data: TorqueData) -> bool:
     A robot file would apply it to all of them.
     """
     return isinstance(term.effect, UnknownForce) or (term.run is not None and len(data.runs) > 1)
-
-
-def _use(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:
-    return EffectUse(effect=effect, at=at, **{k: float(f"{v:.{DIGITS}g}") for k, v in values.items()})
 
 
 def _values(use: EffectUse) -> dict[str, float]:

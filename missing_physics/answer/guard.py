@@ -19,7 +19,7 @@ from missing_physics.inference import Fit, fitted
 from missing_physics.inference.torques.data import TorqueData
 from reference_model.effects.base import BodyEffect
 
-__all__ = ["Guarded", "guarded"]
+__all__ = ["WORSE", "Guarded", "guarded"]
 
 #: An rms that exceeds another by this factor is worse: two halves of one recording differ by 2 % in it.
 WORSE = 1.02

@@ -15,7 +15,7 @@ from missing_physics.results.samples import Rows
 from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of
 
-__all__ = ["BEYOND_NOISE", "located", "p_value_of", "residual_of"]
+__all__ = ["BEYOND_NOISE", "FLOOR_TOLERANCE", "located", "p_value_of", "residual_of"]
 
 Array = NDArray[np.float64]
 

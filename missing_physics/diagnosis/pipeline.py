@@ -19,7 +19,6 @@ from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.coverage import Coverage, Prepared, coverage, prepared, require_same_torques
 from missing_physics.diagnosis.coverage.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage.no_data import without_data
-from missing_physics.diagnosis.dynamics.along import Along
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.diagnosis.gear_file.effects import yielding
 from missing_physics.diagnosis.gear_file.merge import with_transmission
@@ -143,5 +142,4 @@ def _between_encoders(robot: Robot, ready: Prepared, fitted: int, tell: Said) ->
     used = ready.recordings
     if not has_two_encoders(robot, used):
         return None
-    along = [Along(robot, dynamics) for dynamics in ready.dynamics]
-    return diagnose_transmission(robot, used[:fitted], used[fitted:], along=along, progress=tell)
+    return diagnose_transmission(robot, used[:fitted], used[fitted:], along=ready.dynamics, progress=tell)

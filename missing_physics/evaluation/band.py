@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-__all__ = ["DENSE", "Band", "low_passed", "thinned"]
+__all__ = ["DENSE", "ORDER", "SPOILED_PERIODS", "Band", "continued", "low_passed", "thinned"]
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def low_passed(values: Array, *, rate: float, cutoff: float) -> Array:
         cutoff: frequency at which a quarter of the power passes [Hz].
     """
     sections, settled_state = _sections(cutoff, rate)
-    settled = min(len(values) - 1, int(3 * SPOILED_PERIODS * rate / cutoff) + 10)
+    settled = continued(len(values), rate=rate, cutoff=cutoff)
     rows = np.moveaxis(np.asarray(values, dtype=float), 0, -1)
     # Past the ends the samples are turned about the end point, as `scipy.signal.sosfiltfilt` does.
     before = 2.0 * rows[..., :1] - rows[..., settled:0:-1]
@@ -62,6 +62,11 @@ def low_passed(values: Array, *, rate: float, cutoff: float) -> Array:
     for _ in range(2):  # forward, then backward
         found = signal.sosfilt(sections, found, zi=state * found[..., :1])[0][..., ::-1]
     return np.moveaxis(found[..., settled : settled + len(values)], -1, 0)
+
+
+def continued(samples: int, *, rate: float, cutoff: float) -> int:
+    """By how many samples a series is continued beyond each of its ends, for the filter to settle."""
+    return min(samples - 1, int(3 * SPOILED_PERIODS * rate / cutoff) + 10)
 
 
 @lru_cache(maxsize=16)

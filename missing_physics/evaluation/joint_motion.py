@@ -24,7 +24,7 @@ from reference_model.effects.catalogue import used_effects
 from reference_model.plant.acting import AMBIENT_TEMPERATURE
 from robot_model import Drive, InputError, Recording, Robot
 
-__all__ = ["JointMotion"]
+__all__ = ["SIGN_UNCERTAINTY", "SLOWEST", "JointMotion"]
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from reference_model.dynamics.tree import Tree
 
-__all__ = ["UNKNOWN", "Response", "Vibration"]
+__all__ = ["UNKNOWN", "Response", "Vibration", "vibrating"]
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Response:
         base: M_xb M_bb^-1 for the rows x of joints and modes, shape (N, n + s, 6); none for a fixed one.
         mass: of the joints with the base free and links that do not bend further, shape (N, n, n).
         coupling: M_js with the base free, shape (N, n, s).
-        solver: (M_ss + h/2 C + h^2/4 K)^-1 with the base free, for steps h, shape (N, s, s).
+        modal: M_ss with the base free, shape (N, s, s).
         stiffness, damping: of the modes, shape (s, s) each.
     """
 
@@ -48,7 +48,7 @@ class Response:
     base: Array
     mass: Array
     coupling: Array
-    solver: Array
+    modal: Array
     stiffness: Array
     damping: Array
 
@@ -67,24 +67,20 @@ class Response:
         eliminated = np.linalg.solve(mass[:, :base, :base], moved.transpose(0, 2, 1)).transpose(0, 2, 1)
         rest = mass[:, base:, base:] - eliminated @ moved.transpose(0, 2, 1)
         stiffness, damping = elasticity
-        trapezoidal = rest[:, joints:, joints:] + step / 2 * damping + step**2 / 4 * stiffness
         return cls(
             joints=slice(base, base + joints),
             step=step,
             base=np.asarray(eliminated),
             mass=rest[:, :joints, :joints],
             coupling=rest[:, :joints, joints:],
-            solver=np.asarray(np.linalg.inv(trapezoidal)),
+            modal=rest[:, joints:, joints:],
             stiffness=stiffness,
             damping=damping,
         )
 
     def with_elasticity(self, stiffness: Array, damping: Array) -> Response:
         """The response with other stiffness and damping of the modes, shape (s, s) each."""
-        h = self.step
-        change = h / 2 * (damping - self.damping) + h**2 / 4 * (stiffness - self.stiffness)
-        solver = np.asarray(np.linalg.inv(np.linalg.inv(self.solver) + change))
-        return replace(self, solver=solver, stiffness=stiffness, damping=damping)
+        return replace(self, stiffness=stiffness, damping=damping)
 
     def at_joints(self, rows: Array) -> Array:
         """Forces at the joints due to forces on all rows, shape (N, rows, C), from rest; shape (N, n, C)."""
@@ -95,7 +91,8 @@ class Response:
         joints, modes = free[:, :count], free[:, count:]
         if not modes.shape[1]:
             return joints
-        return joints + self.coupling @ self._accelerations(modes)
+        elasticity = self.stiffness, self.damping
+        return joints + self.coupling @ vibrating(self.modal, *elasticity, -modes, self.step)[2]
 
     def free_vibration(self, *, every: float = np.inf, below: float = np.inf) -> tuple[Array, Array]:
         """Forces at the joints by modes that are deflected, or moved, at the start and at later instants.
@@ -109,7 +106,7 @@ class Response:
         Returns:
             Shape (N, n, V), and the instants with the mode of each column, (V, 2) integers.
         """
-        count, modes, frequency = len(self.solver), len(self.stiffness), self.frequencies
+        count, modes, frequency = len(self.modal), len(self.stiffness), self.frequencies
         stride = max(1, round(every / self.step)) if np.isfinite(every) else count
         begun = [
             (k, mode, moving)
@@ -121,7 +118,7 @@ class Response:
         starts: dict[int, list[int]] = {}
         for column, (k, _, _) in enumerate(begun):
             starts.setdefault(k, []).append(column)
-        moved, answer = self._transition
+        moved, answer, _, _ = _transition(self.modal, self.stiffness, self.damping, self.step)
         state = np.zeros((2 * modes, len(begun)))
         found = np.empty((*self.coupling.shape[:2], len(begun)))
         for k in range(count):
@@ -135,42 +132,66 @@ class Response:
     @property
     def inertia(self) -> Array:
         """Of the modes with the base free, in the middle of the motion, shape (s, s)."""
-        h, middle = self.step, len(self.solver) // 2
-        trapezoidal = np.linalg.inv(self.solver[middle])
-        return np.asarray(trapezoidal - h / 2 * self.damping - h**2 / 4 * self.stiffness)
+        return np.asarray(self.modal[len(self.modal) // 2])
 
     @property
     def frequencies(self) -> Array:
         """Natural frequency of each mode with the base free, the others held, shape (s,) [rad/s]."""
         return np.sqrt(np.diag(self.stiffness) / np.diag(self.inertia))
 
-    @property
-    def _transition(self) -> tuple[Array, Array]:
-        """T and S [K, C] of every sample: w becomes T w without force, with accelerations -S [K, C] w."""
-        h, unit = self.step, np.eye(len(self.stiffness))
-        onwards = np.block([[unit, h * unit], [np.zeros_like(unit), unit]])
-        answer = self.solver @ np.hstack([self.stiffness, self.damping])
-        return onwards - np.vstack([h**2 * unit, h * unit]) @ answer, answer
 
-    def _accelerations(self, force: Array) -> Array:
-        """Of the modes under forces -f, (N, s, C), from rest, by the trapezoidal rule.
+def vibrating(
+    inertia: Array,
+    stiffness: Array,
+    damping: Array,
+    force: Array,
+    step: float,
+    start: tuple[Array, Array] | None = None,
+) -> tuple[Array, Array, Array]:
+    """Deflections, rates and accelerations under forces by the trapezoidal rule, shape (N, ..., s, C) each.
 
-        With the predicted deflections and rates w of a sample, a = -S (f + [K, C] w), and w of the next one
-        is F w + [h^2; h] a.
-        """
-        h, modes = self.step, len(self.stiffness)
-        unit = np.eye(modes)
-        moved, answer = self._transition
-        pushed = self.solver @ force
-        kicked = np.vstack([h**2 * unit, h * unit]) @ pushed
-        inertia = np.linalg.inv(self.solver[0]) - h / 2 * self.damping - h**2 / 4 * self.stiffness
-        first = -np.linalg.solve(inertia, force[0])
-        state = -np.vstack([h**2 / 4 * first, h / 2 * first])  # from which a start at rest is predicted
-        states = np.empty((len(force), *state.shape))
-        for k in range(len(force)):
-            states[k] = state
-            state = moved[k] @ state - kicked[k]
-        return np.asarray(-pushed - answer @ states)
+    Args:
+        inertia: shape (N, ..., s, s), with further systems side by side.
+        stiffness, damping: shape (..., s, s) or (N, ..., s, s).
+        force: shape (N, ..., s, C).
+        step: time between instants [s].
+        start: deflection and rate at the first one, shape (..., s, C) each; zero when left out.
+    """
+    moved, answer, solver, kick = _transition(inertia, stiffness, damping, step)
+    place, rate = np.zeros((2, *force.shape[1:])) if start is None else start
+    pushed = solver @ force
+    kicked = kick @ pushed
+    elastic = (np.broadcast_to(part, inertia.shape)[0] for part in (stiffness, damping))
+    held = sum(part @ own for part, own in zip(elastic, (place, rate)))
+    first = np.linalg.solve(inertia[0], force[0] - held)
+    half = step / 2  # from what is predicted so does it start
+    state = np.concatenate([place - half**2 * first, rate - half * first], axis=-2)
+    states = np.empty((len(force), *state.shape))
+    for k in range(len(force)):
+        states[k] = state
+        state = moved[k] @ state + kicked[k]
+    found = np.asarray(pushed - answer @ states)
+    modes = force.shape[-2]
+    return states[..., :modes, :] + half**2 * found, states[..., modes:, :] + half * found, found
+
+
+def _transition(
+    inertia: Array, stiffness: Array, damping: Array, step: float
+) -> tuple[Array, Array, Array, Array]:
+    """The trapezoidal rule with steps h, of modes with mass matrix M, stiffness K and damping C.
+
+    With the deflections and rates w that are predicted of an instant, a = S (f - [K, C] w) with
+    S = (M + h/2 C + h^2/4 K)^-1, and w of the next one is T w + [h^2; h] S f.
+
+    Returns:
+        T, S [K, C], S, and [h^2; h].
+    """
+    damping, stiffness = (np.broadcast_to(part, inertia.shape) for part in (damping, stiffness))
+    solver = np.linalg.inv(inertia + step / 2 * damping + step**2 / 4 * stiffness)
+    answer, unit = solver @ np.concatenate([stiffness, damping], axis=-1), np.eye(inertia.shape[-1])
+    onwards = np.block([[unit, step * unit], [np.zeros_like(unit), unit]])
+    kick = np.vstack([step**2 * unit, step * unit])
+    return np.asarray(onwards - kick @ answer), np.asarray(answer), np.asarray(solver), kick
 
 
 @dataclass(frozen=True)

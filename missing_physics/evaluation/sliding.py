@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-__all__ = ["determined", "directions", "shares", "slides"]
+__all__ = ["NEAR", "determined", "directions", "shares", "slides"]
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 
 from reference_model.effects.base import Extent
 
-__all__ = ["EDGES", "FEWEST_CYCLES", "Sight", "extent_of"]
+__all__ = ["EDGES", "FEWEST_CYCLES", "STANDSTILL", "Sight", "extent_of"]
 
 Array = NDArray[np.float64]
 

@@ -31,9 +31,9 @@ HELD_OUT = -1
 #: Stretches into which a recording is cut, each of them a fold, and blocks per stretch: long compared with
 #: the correlation time of the residual.
 STRETCHES, BLOCKS = 8, 5
-#: Stretches that are held out where no recording is held out.
+#: Stretches that are held out where no recording is held out: apart from each other and from both ends.
 OWN_HELD_OUT = (2, 6)
-#: With at least this many recordings, each of them is one fold.
+#: With at least this many recordings, each of them is one fold: the others then still cover the motion.
 MANY = 5
 
 
@@ -80,33 +80,33 @@ class Data(ABC):
     """The data to which hypotheses are fitted and by which they are judged: n channels, K rows a recording.
 
     Attributes:
+        robot: the nominal robot.
+        joints: name of each channel's joint.
         layout: parameters of the standard model.
         filed: values of these parameters in the robot file, shape (X,).
         designs: derivatives of the rows by these parameters, one array (K, n, X) for each recording, the
             fitted ones first; zero where nothing is compared.
         blocks: of all recordings.
         size: rms of what each channel recorded, shape (n,).
+        noise: rms in each channel that sensors leave, shape (n,).
+        error: that no hypothesis explains, rms in each channel, shape (n,).
+        independent: samples in a row: a low-pass passes two in a period of its cut-off.
         given: effects of the robot file that are no parameters of the standard model, and what multiplies
             them; a law that contains Coulomb friction holds that of the standard model.
     """
 
+    robot: Robot
+    joints: tuple[str, ...]
     layout: Layout
     filed: Array
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
     size: Array
+    noise: Array
+    error: Array
+    independent: float
     given: tuple[Candidate, ...] = ()
     _normals: dict[int | None, Normal] = field(default_factory=dict, init=False, repr=False)
-
-    @property
-    @abstractmethod
-    def robot(self) -> Robot:
-        """The nominal robot."""
-
-    @property
-    @abstractmethod
-    def joints(self) -> tuple[str, ...]:
-        """Name of each channel's joint."""
 
     @property
     @abstractmethod
@@ -114,29 +114,14 @@ class Data(ABC):
         """Columns of terms along the recordings."""
 
     @property
-    @abstractmethod
-    def error(self) -> Array:
-        """Error that no hypothesis explains, rms in each channel, shape (n,)."""
-
-    @property
-    @abstractmethod
-    def noise(self) -> Array:
-        """rms in each channel that sensors leave, shape (n,)."""
-
-    @property
-    @abstractmethod
-    def independent(self) -> float:
-        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-
-    @property
-    @abstractmethod
     def start(self) -> Array:
         """Parameters of the standard model where fits begin, shape (X,)."""
+        return self.layout.start
 
     @property
-    @abstractmethod
     def sigma(self) -> Array:
         """rms residual of each channel where fits begin, shape (n,)."""
+        return self.size
 
     @abstractmethod
     def time(self, run: int) -> Array:

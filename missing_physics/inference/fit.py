@@ -19,28 +19,22 @@ from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.problem import Problem
 from missing_physics.standard.fit import FILE, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
+from missing_physics.standard.model import AGREED, HALVINGS
 from reference_model.effects.base import JointEffect
 
-__all__ = ["FILE", "Fit", "contributions", "fitted", "refiled", "residuals"]
+__all__ = ["FILE", "RIDGE", "Fit", "contributions", "fitted", "refiled", "residuals"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Most rounds of Gauss-Newton, and those of a linear hypothesis: weights and parameters converge in three.
 ROUNDS, LINEAR = 10, 3
-#: The iteration ends where the predicted decrease of the squared residual, in units of its variance, is less.
-AGREED = 1.0
 #: A non-linear parameter moves by at most this part of itself in one round.
 LARGEST = 0.7
 #: and one that may have either sign by the same part of at least this part of its typical size.
 EITHER_SIGN = 0.1
-#: Most halvings of a step that makes the fit worse.
-HALVINGS = 6
-#: A parameter is outside its range if it is so by more than rounding [-].
-ROUNDING = 1e-9
-#: A drive at its limit for more than this part of the time follows no command [-].
-MOSTLY = 0.5
-#: Ridge of the normal equations, whose columns have about unit length.
+#: Ridge of normal equations, as a part of their mean diagonal: far above rounding, and far below what data
+#: determine.
 RIDGE = 1e-9
 
 
@@ -189,16 +183,14 @@ def _outside(terms: Sequence[Term], change: Array) -> tuple[Mask, Array]:
     """Which parameters of terms changes would take out of their range, and the changes to its end."""
     each = [(term, p) for term in terms for p in term.free]
     before = np.array([term.parameters[p.name] for term, p in each])
-    ends, at = before + change, 0
+    after, ends, at = before + change, before + change, 0
     for term in terms:
         free = [p.name for p in term.free]
         wanted = dict(zip(free, ends[at : at + len(free)]))
         inside = term.moved(wanted).parameters
         ends[at : at + len(free)] = [inside[name] for name in free]
         at += len(free)
-    size = np.array([max(abs(b), abs(c), 1e-6 * p.typical) for b, c, (_, p) in zip(before, change, each)])
-    apart = np.abs(ends - before - change)
-    return apart > ROUNDING * size, ends - before
+    return ends != after, ends - before
 
 
 def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, ends: Mask) -> Fit:
@@ -262,9 +254,9 @@ def _impossible(
         why = not_credible(term, data.robot, needed)
         if not why and isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
             k = data.joints.index(term.at)
-            share = float(gone[:, k].sum() / max(data.counts[:, k].sum(), 1.0))
-            if share > MOSTLY:
-                why = f"the drive would be at its limit {share:.0%} of the time, and follow no command"
+            rows, cut = float(data.counts[:, k].sum()), float(gone[:, k].sum())
+            if cut > rows - cut:
+                why = f"the drive would be at its limit {cut / rows:.0%} of the time, and follow no command"
         if why:
             yield term.key, why
 

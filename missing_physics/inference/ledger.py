@@ -6,7 +6,7 @@ its masses change little. So every fit that is pursued is one to recordings line
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -30,14 +30,12 @@ ODDS = 4.0
 #: Further odds against an event [nats], which could have happened at any other time: one over the number of
 #: stretches of time in which it is searched.
 EVENT = float(np.log(0.5 * EDGES**2))
-#: Further odds against a force that is none of the known effects [nats]: as much again.
-UNNAMED = 4.0
 #: Parameters of a joint that a robot file has.
 ROTOR = "reflected_inertia"
 OF_JOINTS = ("viscous", "coulomb", "offset", ROTOR, TIMING)
-#: Most linearised recordings that are cached.
+#: Most linearised recordings that are cached: those of the hypotheses in the beam, and one more.
 KEPT = 3
-#: Most rounds in which recordings are linearised about a fit to them.
+#: Most rounds in which recordings are linearised about a fit to them; each settles what the last one moved.
 SETTLING = 5
 
 
@@ -132,6 +130,10 @@ class Search(Generic[D]):
             self._scores[id(fit)] = known = fit, self.shares, total
         return known[2]
 
+    def known(self, hypothesis: Hypothesis, make: Callable[[], Fit]) -> Fit:
+        """The fit of a hypothesis, made and remembered where there is none yet."""
+        return self.made[hypothesis.key] if hypothesis.key in self.made else self.keep(make())
+
     def keep(self, fit: Fit) -> Fit:
         """Remember a fit."""
         self.made[fit.hypothesis.key] = fit
@@ -167,7 +169,8 @@ def prior(data: Data, fit: Fit) -> float:
 
     A friction law of the file costs as much as an effect where it is absent, and each of its parameters that
     is estimated as much as another number. A wave over position could have any of the orders that the
-    recordings tell apart, and an event could have happened at any time.
+    recordings tell apart, an event could have happened at any time, and a force that is none of the known
+    effects is as improbable again.
     """
     hypothesis = fit.hypothesis
     added = [term for term in hypothesis.terms if not term.is_given]
@@ -176,7 +179,7 @@ def prior(data: Data, fit: Fit) -> float:
     effects = 0.0
     for term in added:
         effects += ODDS * (1 + len(term.added)) + term.further
-        effects += EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
+        effects += EVENT * term.effect.is_event + ODDS * isinstance(term.effect, UnknownForce)
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
     given = hypothesis.filed | {name for name, _ in hypothesis.held} | unstated(data)
     for term in added:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Candidate
 from missing_physics.inference.data import HELD_OUT, Data
-from missing_physics.inference.fit import Fit, residuals
+from missing_physics.inference.fit import RIDGE, Fit, residuals
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.problem import rows_of
 
@@ -18,9 +18,7 @@ __all__ = ["Look", "Screen"]
 
 Array = NDArray[np.float64]
 
-#: Ridge of columns of unit length.
-RIDGE = 1e-6
-#: Candidates whose columns are computed together.
+#: Candidates whose columns are computed together: filters cost as much for one as for some, memory does not.
 TOGETHER = 32
 
 
@@ -52,7 +50,7 @@ class Screen:
         ]
         size = fit.layout.size[free]
         scaled = fit.hessian * np.outer(size, size)
-        scaled += 1e-9 * np.trace(scaled) / max(len(scaled), 1) * np.eye(len(scaled))
+        scaled += RIDGE * np.trace(scaled) / max(len(scaled), 1) * np.eye(len(scaled))
         self.inverse = np.linalg.inv(scaled) * np.outer(size, size)
         self.folds = {fold: data.stretches(fold) for fold in data.folds}
         self.square = np.sum([(left**2).sum(axis=0) for left in self.left], axis=0)

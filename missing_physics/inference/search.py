@@ -308,18 +308,16 @@ def _pruned(state: Search[Any], best: Fit) -> Fit:
 
 def _without(state: Search[Any], best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
-    if hypothesis.key not in state.made:
-        state.settled(state.keep(_fitted(state, hypothesis, best, term.joint)), whole=False)
-    return state.made[hypothesis.key]
+    return state.known(
+        hypothesis, lambda: state.settled(_fitted(state, hypothesis, best, term.joint), whole=False)
+    )
 
 
 def _lacking(state: Search[Any], best: Fit, term: Term, name: str) -> Fit:
     """The fit without an optional number of a term."""
     terms = tuple(one.lacking(name) if one is term else one for one in best.hypothesis.terms)
     hypothesis = replace(best.hypothesis, terms=terms)
-    if hypothesis.key not in state.made:
-        state.keep(_fitted(state, hypothesis, best))
-    return state.made[hypothesis.key]
+    return state.known(hypothesis, lambda: _fitted(state, hypothesis, best))
 
 
 def _changing(fit: Fit) -> tuple[Term, ...]:
@@ -376,15 +374,8 @@ def _simplified(state: Search[Any], best: Fit) -> Fit:
     def filed(of: Fit, name: Number) -> Fit:
         if isinstance(name, tuple):  # of a law, of whose parameters the torques are not linear
             hypothesis = of.hypothesis.refiling(*name)
-            if hypothesis.key not in state.made:
-                state.settled(state.keep(_fitted(state, hypothesis, of)))
-            return state.made[hypothesis.key]
-        hypothesis = of.hypothesis.filing(name)
-        if hypothesis.key not in state.made:
-            made = state.keep(refiled(state.about(of), hypothesis, of))
-            if name.endswith(TIMING):
-                state.settled(made)
-        return state.made[hypothesis.key]
+            return state.known(hypothesis, lambda: state.settled(_fitted(state, hypothesis, of)))
+        return _refiled(state, of.hypothesis.filing(name), of, name)
 
     while True:
         held = {name for name, _ in best.hypothesis.held} | best.hypothesis.filed
@@ -412,8 +403,14 @@ def _freed(state: Search[Any], best: Fit) -> Fit:
 def _estimating(state: Search[Any], fit: Fit, name: str) -> Fit:
     """The fit that estimates one parameter so far taken from the robot file."""
     hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
-    if hypothesis.key not in state.made:
-        made = state.keep(refiled(state.about(fit), hypothesis, fit))
-        if name.endswith(TIMING):
-            state.settled(made)
-    return state.made[hypothesis.key]
+    return _refiled(state, hypothesis, fit, name)
+
+
+def _refiled(state: Search[Any], hypothesis: Hypothesis, start: Fit, name: str) -> Fit:
+    """The fit that differs from another in whether one parameter is taken from the robot file."""
+
+    def make() -> Fit:
+        made = refiled(state.about(start), hypothesis, start)
+        return state.settled(made) if name.endswith(TIMING) else made
+
+    return state.known(hypothesis, make)

@@ -16,13 +16,26 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
-from missing_physics.evaluation.band import low_passed, thinned
+from missing_physics.evaluation.band import SPOILED_PERIODS, low_passed, thinned
 from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.evaluation.steps import unsteadiness
 from missing_physics.recordings import noise_of, sensor_of
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["SLOWEST", "BandMotion", "band_motion", "motion_band", "position_channel"]
+__all__ = [
+    "HIGHEST",
+    "LOWEST",
+    "SAMPLES_PER_PERIOD",
+    "SIGN_KNOWN",
+    "SLOWEST",
+    "WIDER",
+    "WIDEST",
+    "BandMotion",
+    "band_motion",
+    "motion_band",
+    "position_channel",
+    "velocity_noise_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -43,8 +56,6 @@ WIDER = 5.0
 WIDEST = 0.25
 #: Samples kept per period of the band's end.
 SAMPLES_PER_PERIOD = 4
-#: Periods of the band's end that are left out at both ends of a recording, where the filter has no past.
-EDGE_PERIODS = 2.0
 #: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.
 SIGN_KNOWN = 1.25
 #: A joint slides at speeds above this part of the robot's largest one, and above three times the speed's
@@ -132,7 +143,7 @@ class BandMotion:
     def kept(self) -> slice:
         """Samples that are kept of a filtered series."""
         stride = max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))
-        edge = int(EDGE_PERIODS * self.rate / self.cutoff)
+        edge = int(SPOILED_PERIODS * self.rate / self.cutoff)
         return slice(edge, max(edge, self.time.size - edge), stride)
 
     def reduce(self, values: Array) -> Array:
@@ -234,7 +245,7 @@ def band_motion(
         torque=torque[::stride],
         unsteady=np.hypot(jumps, rounding)[::stride],
         rounding=np.sqrt(np.mean(rounding**2, axis=0)),
-        velocity_noise=_velocity_noise(spread, clock.rate, wide),
+        velocity_noise=velocity_noise_of(spread, clock.rate, wide),
         torque_noise=noise,
         cutoff=cutoff,
         smoothing=wide,
@@ -285,7 +296,7 @@ def _step(robot: Robot, recording: Recording, joint: str) -> float:
     return abs(factor) * known
 
 
-def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
+def velocity_noise_of(position_noise: Array, rate: float, cutoff: float) -> Array:
     """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
     return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
 

@@ -29,7 +29,16 @@ from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.beam_numbers import POSITIVE, beam_with
 from robot_model import EffectUse, InputError, Recording, Robot
 
-__all__ = ["EFFECTS", "JointErrors", "StandardModel", "as_robot", "fit_standard"]
+__all__ = [
+    "AGREED",
+    "EFFECTS",
+    "HALVINGS",
+    "JointErrors",
+    "StandardModel",
+    "as_robot",
+    "fit_standard",
+    "use_of",
+]
 
 Array = NDArray[np.float64]
 #: Stretches of time [s], first and last instant of each.
@@ -260,7 +269,7 @@ def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -
             motor["rotor_inertia"] = _short(reflected / motor["gear_ratio"] ** 2)
     data["gravity"] = tuple(_short(numbers[f"gravity.{axis}"]) for axis in "xyz")
     uses = [
-        EffectUse(effect=effect, at=joint, **{key: _short(sign * numbers[f"{joint}.{kind}"])})
+        use_of(effect, joint, {key: sign * numbers[f"{joint}.{kind}"]})
         for joint in model.joints
         for kind in FRICTION
         for effect, key, sign in [EFFECTS[kind]]
@@ -280,6 +289,11 @@ def _body(ten: Sequence[float]) -> dict[str, object]:
         "center_of_mass": tuple(_short(c) for c in centre),
         "inertia": tuple(_short(central[pair]) for pair in pairs),
     }
+
+
+def use_of(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:
+    """An effect in a robot file, its numbers with as many digits as one gets there."""
+    return EffectUse(effect=effect, at=at, **{name: _short(value) for name, value in values.items()})
 
 
 def _short(value: float) -> float:

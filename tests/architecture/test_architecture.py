@@ -134,7 +134,17 @@ KNOWS: dict[str, tuple[str, ...]] = {
 }
 
 #: Rooms of the diagnosis, from recorded data upwards: each may import those before it.
-DIAGNOSIS = ("motion", "dynamics", "known", "coverage", "comparison", "gear", "gear_file", "base")
+DIAGNOSIS = (
+    "motion",
+    "dynamics",
+    "known",
+    "coverage",
+    "comparison",
+    "further",
+    "gear",
+    "gear_file",
+    "base",
+)
 KNOWS |= {
     f"missing_physics.diagnosis.{room}": (
         *KNOWS["missing_physics.diagnosis"],

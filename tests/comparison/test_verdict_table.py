@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from missing_physics.diagnosis.comparison.verdict import Held, Search, decided
+from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
 from missing_physics.results.result import Finding, Unnamed, Verdict
 
 NAME = Finding("coulomb_friction", "joint1", 0.99, {})
@@ -59,3 +59,9 @@ def test_verdicts(
     verdict: Verdict,
 ) -> None:
     assert decided(errors, findings, unnamed, search) == verdict
+
+
+def test_a_channel_without_noise_that_is_predicted_exactly_has_a_verdict() -> None:
+    before, after = energies([Held(1.0, None, 0.0, 0.0)])
+    assert before > 1.0
+    assert after == 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from missing_physics.diagnosis.dynamics.along import Along
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.results.result import ChannelFit, Diagnosis, Errors, Fit, Mismatch, Result
 from robot_model import Recording, Robot, load_robot, robot_to_toml
@@ -33,6 +33,6 @@ def half_open(*mismatch: Mismatch, left: float = 2.0, verdict: str = "unexplaine
     return Result(told, (), (), robot_to_toml(arm()))
 
 
-def along_each(robot: Robot, recordings: Sequence[Recording]) -> list[Along]:
+def along_each(robot: Robot, recordings: Sequence[Recording]) -> tuple[MotionDynamics, ...]:
     """Motion and dynamics of `robot` along each recording."""
-    return [Along(robot, dynamics) for dynamics in make_dynamics(robot, recordings)]
+    return make_dynamics(robot, recordings)

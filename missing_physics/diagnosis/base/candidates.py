@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from missing_physics.diagnosis.base.columns import BaseColumns
 from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.hypotheses import Candidate, Term
+from missing_physics.standard import MODEL_ERROR
 from reference_model.effects.base import Effect, Extent, Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
 
@@ -22,15 +25,9 @@ Mask = NDArray[np.bool_]
 
 #: Errors of gyros.
 OF_GYROS = ("sensor_gain", "sensor_delay", "clock_drift")
-#: Starts of an effect that are fitted.
-TRIED = 1
 #: Starts that are compared at further values of the other numbers, that far from what is known of these, in
 #: standard deviations.
 NEAR, CORNER = 8, 0.5
-#: Steps of such a fit, and the part of the energy that the last one removes.
-REFINED, SETTLED = 15, 1e-3
-#: A step changes no number by more than this part of its size, at least this part of the typical one.
-FAR, LEAST = 0.5, 0.2
 
 
 def on_board() -> tuple[Effect, ...]:
@@ -140,10 +137,10 @@ def _leading(
                 for signs in product((-1.0, 1.0), repeat=len(about))
             ]
             starts = [term.moved(place) for place in places for _, term, _ in found[:NEAR] if about]
-    for _, term, asked in found[:TRIED]:
-        term = residual.fitted(replace(term, limits=()).moved(asked))
-        if np.all(np.isfinite(residual.columns(term))):
-            yield term
+    _, term, asked = found[0]
+    term = residual.fitted(replace(term, limits=()).moved(asked))
+    if np.all(np.isfinite(residual.columns(term))):
+        yield term
 
 
 def _only(term: Term, names: Collection[str]) -> Term:
@@ -171,42 +168,39 @@ class _Residual:
         return np.concatenate([own.reshape(-1, own.shape[2]) for own in made])
 
     def fitted(self, term: Term) -> Term:
-        """A term with its numbers fitted by Levenberg and Marquardt's method, with priors of its effect."""
+        """A term with its numbers fitted, with priors of its effect, by least squares within their ranges.
+
+        The second time with the noise that the first leaves; steps that explain less than the error of any
+        model are not worth more.
+        """
         names = [p.name for p in term.free]
-        typical = np.array([LEAST * p.typical for p in term.free])
-        priors = [term.effect.priors.get(name, (0.0, np.inf)) for name in names]
-        middle, spread = (np.array(part) for part in zip(*priors))
+        ends = [[p.lower for p in term.free], [p.upper for p in term.free]]
+        middle, spread = np.array([term.effect.priors.get(name, (0.0, np.inf)) for name in names]).T
 
-        def at(one: Term) -> tuple[Array, Array, Array, float]:
-            numbers, made = np.array([one.parameters[name] for name in names]), self.columns(one)
-            apart = self.wanted - made[:, 0]
-            energy = float(apart @ apart) + noise * float(np.sum(((numbers - middle) / spread) ** 2))
-            return numbers, made, apart, energy if np.isfinite(energy) else np.inf
+        @lru_cache(maxsize=1)
+        def at(numbers: tuple[float, ...]) -> tuple[Array, Array]:
+            made = self.columns(term.moved(dict(zip(names, numbers))))
+            apart = np.append(self.wanted - made[:, 0], noise * (np.array(numbers) - middle) / spread)
+            return apart, np.concatenate([-made[:, 1:], np.diag(noise / spread)])
 
-        noise = float(self.wanted @ self.wanted) / self.independent
-        numbers, made, apart, energy = at(term)
-        damping = 1e-2
-        for _ in range(REFINED):
-            if not np.isfinite(energy):
+        numbers = np.array([term.parameters[name] for name in names])
+        left = self.wanted
+        for _ in range(2):
+            noise = float(np.linalg.norm(left) / np.sqrt(self.independent))
+            at.cache_clear()
+            if not np.all(np.isfinite(at(tuple(numbers))[0])):
                 break
-            noise = float(apart @ apart) / self.independent
-            energy = float(apart @ apart) + noise * float(np.sum(((numbers - middle) / spread) ** 2))
-            scale = np.maximum(np.abs(numbers), typical)
-            slopes = made[:, 1:] * scale
-            gram = slopes.T @ slopes + noise * np.diag((scale / spread) ** 2)
-            pull = slopes.T @ apart - noise * scale * (numbers - middle) / spread**2
-            step = np.linalg.solve(gram + damping * np.diag(np.diag(gram) + 1e-300), pull)
-            step = scale * step * min(1.0, FAR / max(float(np.abs(step).max()), 1e-300))
-            trial = term.moved(dict(zip(names, numbers + step)))
-            after = at(trial)
-            if after[3] < energy:
-                still = energy - after[3] < SETTLED * energy
-                term, (numbers, made, apart, energy), damping = trial, after, damping / 10
-                if still:
-                    break
-            else:
-                damping *= 10
-        return term
+            found = least_squares(
+                lambda x: at(tuple(x))[0],
+                numbers,
+                lambda x: at(tuple(x))[1],
+                bounds=ends,
+                x_scale="jac",
+                ftol=MODEL_ERROR,
+                method="dogbox",
+            )
+            numbers, left = found.x, found.fun[: self.wanted.size]
+        return term.moved(dict(zip(names, numbers)))
 
 
 def _memory(left: Array) -> float:

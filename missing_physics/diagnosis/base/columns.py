@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.base.changed import Changed, Slope, masses_of
 from missing_physics.diagnosis.base.rates import Rates
-from missing_physics.diagnosis.base.response import vibrating
-from missing_physics.evaluation.response import Vibration
+from missing_physics.evaluation.response import Vibration, vibrating
 from missing_physics.hypotheses import Term
+from missing_physics.inference.kept import Kept, step_of
 from missing_physics.standard.normal import Places
 from reference_model.effects.along import SensorAlong
-from reference_model.effects.base import Parameter, SensorEffect
+from reference_model.effects.base import SensorEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.pushing import ForceAlong
 from reference_model.effects.structure import StructureEffect
@@ -28,11 +28,6 @@ __all__ = ["BaseColumns"]
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
-#: Most numbers in the cached columns: 64 MB.
-KEPT = 8_000_000
-#: Step of a difference in a parameter, as a part of its size, and the smallest as a part of what is typical:
-#: columns are smooth in all parameters, and rounding is far below.
-STEP, LEAST = 1e-3, 0.1
 #: Derivatives of masses are taken again where a parameter has moved by this part of itself, or of its size.
 FAR = 0.5
 #: Changed robots whose masses along a recording are remembered: six sets of columns.
@@ -53,26 +48,21 @@ class BaseColumns:
     ) -> None:
         self._runs, self._quiet, self._masks = runs, quiet, masks
         self._known: list[_Known] = [_Known() for _ in runs]
-        self._kept: dict[tuple[object, ...], Array] = {}
-        self._size = 0
+        self._kept = Kept[Array]()
 
     def prepare(self, terms: Sequence[Term], run: int) -> None:
         """Compute the columns of several terms, those of changes of the robot together."""
         wanted = {self._key(term, run): term for term in terms}
-        new = {key: term for key, term in wanted.items() if key not in self._kept}
         alike: dict[tuple[object, ...], list[Term]] = {}
-        for term in new.values():
-            which = (*term.key, *(p.name for p in term.free))
-            alike.setdefault(which if isinstance(term.effect, StructureEffect) else (id(term),), []).append(
-                term
-            )
+        for key, term in wanted.items():
+            if self._kept.get(key) is None:
+                which = (*term.key, *(p.name for p in term.free))
+                one = which if isinstance(term.effect, StructureEffect) else key
+                alike.setdefault(one, []).append(term)
         for group in alike.values():
             for term, whole in zip(group, _columns(group, self._runs[run], self._known[run])):
                 found = self._quiet[run].removed(whole * self._masks[run][:, :, None])
-                self._kept[self._key(term, run)] = found
-                self._size += found.size
-        while self._size > KEPT and len(self._kept) > len(wanted):
-            self._size -= self._kept.pop(next(iter(self._kept))).size
+                self._kept.keep(self._key(term, run), found)
 
     @staticmethod
     def _key(term: Term, run: int) -> tuple[object, ...]:
@@ -81,7 +71,9 @@ class BaseColumns:
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
         """All channels, since what is removed ties them together, and a term's columns, (K, m, 1 + P)."""
         self.prepare([term], run)
-        return np.arange(len(self._runs[run].channels)), self._kept[self._key(term, run)]
+        found = self._kept.get(self._key(term, run))
+        assert found is not None
+        return np.arange(len(self._runs[run].channels)), found
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
         """Sum of what terms contribute to the rates, shape (K, m)."""
@@ -120,7 +112,7 @@ def _columns(terms: Sequence[Term], rates: Rates, known: _Known) -> list[Array]:
     effect = terms[0].effect
     if isinstance(effect, SensorEffect):
         return [_sensor(term, effect, rates) for term in terms]
-    steps = [{p.name: _step(term, p) for p in term.free} for term in terms]
+    steps = [{p.name: step_of(term, p) for p in term.free} for term in terms]
     count = 1 + len(steps[0])
     every = rates.rows(_rates(terms, steps, rates, known))
     found = []
@@ -129,13 +121,6 @@ def _columns(terms: Sequence[Term], rates: Rates, known: _Known) -> list[Array]:
         slopes = (values[:, :, 1:] - values[:, :, :1]) / np.array(list(own.values()))
         found.append(np.concatenate([values[:, :, :1], slopes], axis=2))
     return found
-
-
-def _step(term: Term, p: Parameter) -> float:
-    """Of a difference: towards the inside of the parameter's range."""
-    size = STEP * max(abs(term.parameters[p.name]), LEAST * p.typical)
-    ends = {name: high for name, _, high in term.limits}
-    return -size if term.parameters[p.name] + size > ends.get(p.name, p.upper) else size
 
 
 def _sensor(term: Term, effect: SensorEffect, rates: Rates) -> Array:
@@ -187,7 +172,7 @@ def _shaken(terms: Sequence[Term], steps: Sequence[Values], rates: Rates, known:
         )
         inertia = np.stack([one.inertia for _, one in pairs], axis=1)
         force = np.stack([one.force for _, one in pairs], axis=1)[..., None]
-        places, speeds = vibrating(inertia, stiffness, damping, force, rates.floating.step)
+        places, speeds, _ = vibrating(inertia, stiffness, damping, force, rates.floating.step)
         for k, (number, (_, one)) in enumerate(zip(which, pairs)):
             found[:, :, number] = one.turned(places[:, k], speeds[:, k])[:, :, 0]
     return found
@@ -261,7 +246,7 @@ def _known_of(model: RobotModel, rates: Rates, known: _Known) -> Changed:
     return known.changed[masses]
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _model(robot: Robot) -> RobotModel:
     """Of a changed robot, for all recordings."""
     return RobotModel(robot)

@@ -24,7 +24,6 @@ from missing_physics.hypotheses import Candidate, Hypothesis
 from missing_physics.inference.data import MANY, Data, blocks_of
 from missing_physics.plausibility.table import INERTIAL_CHANGE
 from missing_physics.standard import MODEL_ERROR
-from robot_model import Robot
 
 __all__ = ["BaseData"]
 
@@ -37,20 +36,16 @@ class BaseData(Data):
     """Rows of rates, one channel for each gyro.
 
     Attributes:
-        nominal_robot: whose base turns.
         runs: rates of each recording, the fitted ones first.
         quiet: what each recording says itself, as what is removed from its rows.
         masks: which rows of each recording are compared, shape (K, m) each.
         targets: what the parameters predict, shape (K, m) each [rad/s].
-        error_rms: see `error`.
     """
 
-    nominal_robot: Robot
     runs: tuple[Rates, ...]
     quiet: tuple[Vibration, ...]
     masks: tuple[Mask, ...]
     targets: tuple[Array, ...]
-    error_rms: Array
     _begun: dict[tuple[object, ...], tuple[list[Array], list[Candidate]]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -66,7 +61,7 @@ class BaseData(Data):
         about = np.concatenate(
             [own.reduce(own.measured - own.measured.mean(axis=0)) for own in runs[:fitted]]
         )
-        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), 1e-15)
+        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), np.finfo(float).eps)
         error = MODEL_ERROR * size
         noise = np.sqrt(np.mean([own.noise**2 for own in runs], axis=0))
         begun = fitted if fitted < MANY else 0
@@ -99,44 +94,21 @@ class BaseData(Data):
             designs=tuple(designs),
             blocks=blocks_of(masks, fitted),
             size=size,
-            nominal_robot=runs[0].dynamics.model.robot,
+            noise=noise,
+            independent=runs[0].low_pass.independent,
+            robot=runs[0].dynamics.model.robot,
+            joints=runs[0].channels,
             runs=tuple(runs),
             quiet=tuple(quiet),
             masks=masks,
             targets=tuple(targets),
-            error_rms=error,
+            error=error,
         )
-
-    @property
-    def robot(self) -> Robot:
-        """The nominal robot."""
-        return self.nominal_robot
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The gyros: no joint has them."""
-        return self.runs[0].channels
 
     @cached_property
     def terms(self) -> BaseColumns:
         """Columns of terms along the recordings."""
         return BaseColumns(self.runs, self.quiet, self.masks)
-
-    @property
-    def error(self) -> Array:
-        """That of any model [rad/s], shape (m,)."""
-        return self.error_rms
-
-    @cached_property
-    def noise(self) -> Array:
-        """rms that noise of gyros and encoders leaves [rad/s], shape (m,)."""
-        return np.sqrt(np.mean([own.noise**2 for own in self.runs], axis=0))
-
-    @property
-    def independent(self) -> float:
-        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-        low_pass = self.runs[0].low_pass
-        return min(1.0, 2.0 * low_pass.cutoff * low_pass.stride / low_pass.rate)
 
     @property
     def width(self) -> float:
@@ -147,16 +119,6 @@ class BaseData(Data):
     def further(self) -> tuple[str, ...]:
         """Momenta with which recordings begin: zero by the robot file, whose base starts at rest."""
         return tuple(name for name in self.layout.names if name.startswith(MOMENTUM))
-
-    @property
-    def start(self) -> Array:
-        """The robot file's bodies, made solid, and no momentum, shape (X,)."""
-        return self.layout.start
-
-    @property
-    def sigma(self) -> Array:
-        """rms of each gyro about its mean [rad/s], shape (m,)."""
-        return self.size
 
     def time(self, run: int) -> Array:
         """Of the rows of one recording [s], shape (K,)."""

@@ -15,7 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Floating", "vibrating"]
+from missing_physics.evaluation.response import vibrating
+
+__all__ = ["Floating"]
 
 Array = NDArray[np.float64]
 
@@ -135,39 +137,6 @@ class Floating:
         still = np.zeros((len(inertia), count, 2 * count))
         swing = vibrating(inertia, self.stiffness, self.damping, still, self.step, (begin, moving))
         return self.turned(-self.mass[:, :6, self.modes] @ swing[1])
-
-
-def vibrating(
-    inertia: Array,
-    stiffness: Array,
-    damping: Array,
-    force: Array,
-    step: float,
-    start: tuple[Array, Array] | None = None,
-) -> tuple[Array, Array]:
-    """Deflections and rates under forces by the trapezoidal rule, shape (G, ..., s, C) each.
-
-    Args:
-        inertia: shape (G, ..., s, s), with further systems side by side.
-        stiffness, damping: shape (..., s, s) or (G, ..., s, s).
-        force: shape (G, ..., s, C).
-        step: time between instants [s].
-        start: deflection and rate at the first one, shape (..., s, C) each; zero when left out.
-    """
-    damping, stiffness = (np.broadcast_to(part, inertia.shape) for part in (damping, stiffness))
-    solver = np.linalg.inv(inertia + step / 2 * damping + step**2 / 4 * stiffness)
-    place, rate = (np.zeros_like(force[0]) for _ in range(2)) if start is None else start
-    acceleration = np.linalg.solve(inertia[0], force[0] - damping[0] @ rate - stiffness[0] @ place)
-    places, rates = np.empty_like(force), np.empty_like(force)
-    places[0], rates[0] = place, rate
-    for k in range(1, len(force)):
-        place = place + step * rate + step**2 / 4 * acceleration
-        rate = rate + step / 2 * acceleration
-        acceleration = solver[k] @ (force[k] - damping[k] @ rate - stiffness[k] @ place)
-        place = place + step**2 / 4 * acceleration
-        rate = rate + step / 2 * acceleration
-        places[k], rates[k] = place, rate
-    return places, rates
 
 
 def _sum(values: Array, step: float) -> Array:

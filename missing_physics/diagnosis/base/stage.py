@@ -3,67 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from missing_physics.answer.answer import dismissed, rung
-from missing_physics.answer.locate import BEYOND_NOISE, p_value_of
 from missing_physics.checks.gyros import gyro_channels
 from missing_physics.diagnosis.base.candidates import on_board
 from missing_physics.diagnosis.base.data import BaseData
-from missing_physics.diagnosis.base.findings import (
-    channel_fits,
-    findings_of,
-    left_by,
-    left_by_file,
-    series_of,
-    stated_terms,
-)
+from missing_physics.diagnosis.base.findings import left_by, left_by_file, stated_terms, told_by
 from missing_physics.diagnosis.base.rates import Rates
+from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.diagnosis.further.errors import beyond_noise
+from missing_physics.diagnosis.further.findings import Reading, findings_of
+from missing_physics.diagnosis.further.merge import Further
 from missing_physics.hypotheses import BODIES, Term
 from missing_physics.inference import Fit, search, weighed
 from missing_physics.inference.fit import residuals
 from missing_physics.results.comparison import AT_NOISE
-from missing_physics.results.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
+from missing_physics.results.result import Mismatch
 from robot_model import Recording, Robot
 
 __all__ = ["BaseResult", "diagnose_base"]
 
-#: Rows of which anything can be said: fewer than independent samples for the numbers of one body.
-FEWEST = 40
+Array = NDArray[np.float64]
+
 TURNED = (
     "The base does not turn as the joints' motion and conservation of momentum demand: something on board "
     "moves, something outside the robot acts on it, or bodies differ from the robot file's."
 )
 
 
-@dataclass(frozen=True)
-class BaseResult:
-    """What the gyros of a free base say.
+@dataclass(frozen=True, kw_only=True)
+class BaseResult(Further):
+    """What the gyros of a free base say, whose zeros are free in the errors.
 
     Attributes:
-        mismatch: one for each gyro that the robot file does not predict; shares are parts of the whitened
-            energy of all gyros.
-        findings: named causes.
-        terms: the effects that they are, as fitted.
-        fit: errors by channel `base.angular_velocity.AXIS`, with the zero of each gyro free.
-        could_not_tell: sentences.
-        ladder: every cause that was weighed.
+        terms: the findings, as fitted.
         searched: ids of the effects on board that were compared.
-        series: measured rates, the robot file's, and those of the file with what was named.
         data, answer: rows and the most probable hypothesis; None where there are none.
     """
 
-    mismatch: tuple[Mismatch, ...] = ()
-    findings: tuple[Finding, ...] = ()
     terms: tuple[Term, ...] = ()
-    fit: dict[str, ChannelFit] = field(default_factory=dict)
-    could_not_tell: tuple[str, ...] = ()
-    ladder: tuple[Rung, ...] = ()
     searched: tuple[str, ...] = ()
-    series: tuple[ChannelSeries, ...] = ()
     data: BaseData | None = None
     answer: Fit | None = None
 
@@ -74,8 +58,8 @@ class BaseResult:
         data, runs = self.data, range(len(self.data.runs))
         before = [left_by(data, self.answer, (), i) for i in runs]
         after = [left_by_file(data, self.answer, self.terms, file, i) for i in runs]
-        fit, series = dict(channel_fits(data, before, after)), tuple(series_of(data, before, after))
-        return replace(self, fit=fit, series=series)
+        fit, shown = told_by(data, before, after)
+        return replace(self, fit=fit, series=shown)
 
 
 def diagnose_base(
@@ -100,49 +84,39 @@ def diagnose_base(
     """
     channels = gyro_channels(robot, recordings)
     runs = [Rates(*each, channels) for each in zip(along, recordings)]
-    if not channels or min(run.time.size for run in runs) < FEWEST:
+    if not channels or min(run.time.size for run in runs) < FEWEST_ROWS:
         return None
     if progress:
         progress("weighing what turns the base")
     found = search(BaseData.of(runs, fitted), progress)
     known = weighed(found)
     data, fit = found.data, known.answer
-    findings = findings_of(found, known)
+    findings = findings_of(found, known, Reading(lambda _: range(len(channels))))
     terms = stated_terms(fit, findings)
     before, after = ([left_by(data, fit, own, i) for i in range(len(runs))] for own in ((), terms))
+    errors, series = told_by(data, before, after)
     return BaseResult(
-        mismatch=tuple(_located(data, fit)),
+        mismatch=tuple(_located(data, before)),
         findings=findings,
         terms=terms,
-        fit=dict(channel_fits(data, before, after)),
+        fit=errors,
         could_not_tell=(*_open_questions(data, fit, terms), *dismissed(found, findings)),
         searched=tuple(effect.id for effect in on_board()),
         ladder=tuple(rung(found, step) for step in found.steps),
-        series=tuple(series_of(data, before, after)),
+        series=series,
         data=data,
         answer=fit,
     )
 
 
-def _located(data: BaseData, fit: Fit) -> Iterator[Mismatch]:
+def _located(data: BaseData, left: Sequence[Array]) -> Iterator[Mismatch]:
     """Gyros that the robot file does not predict, largest share first."""
-    fitted = range(data.fitted)
-    rows = [data.rows_seen(i)[:, None] & data.counted(i) for i in fitted]
-    left = [left_by(data, fit, (), i) for i in fitted]
-    floor = np.maximum(np.hypot(data.noise, data.error), 1e-300)
-    parts = [
-        np.concatenate([own[which[:, k], k] for own, which in zip(left, rows)]) for k in range(floor.size)
-    ]
-    beyond = np.array([np.mean(part**2) for part in parts]) / floor**2
-    for k in np.argsort(-beyond):
-        p_value, share = p_value_of(parts[k], float(floor[k])), beyond[k] / max(float(beyond.sum()), 1e-300)
-        if p_value < BEYOND_NOISE:
-            rms = float(np.sqrt(np.mean(parts[k] ** 2)))
-            words = (
-                f"base: {data.joints[k]} differs by {rms:.3g} rad/s rms from what the robot file predicts, "
-                f"where noise and the error of any model make {floor[k]:.2g} rad/s. {TURNED}"
-            )
-            yield Mismatch("base", data.joints[k], float(share), p_value, words=words)
+    for k, rms, floor, share, p_value in beyond_noise(data, left[: data.fitted]):
+        words = (
+            f"base: {data.joints[k]} differs by {rms:.3g} rad/s rms from what the robot file predicts, "
+            f"where noise and the error of any model make {floor:.2g} rad/s. {TURNED}"
+        )
+        yield Mismatch("base", data.joints[k], share, p_value, words=words)
 
 
 def _open_questions(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterator[str]:

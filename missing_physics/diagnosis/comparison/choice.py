@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from missing_physics.answer.guard import WORSE
 from missing_physics.diagnosis.comparison.predictions import Predictions
 from missing_physics.results.comparison import AT_NOISE, Written
 from missing_physics.standard.rows import without_friction
 from robot_model import EffectUse, Robot
 
-__all__ = ["WORSE", "Choice", "chosen", "energy", "levels", "worse_channels"]
-
-#: An rms that exceeds another by this factor is worse: two halves of one recording differ by 2 % in it.
-WORSE = 1.02
-TINY = 1e-300
+__all__ = ["Choice", "chosen", "energy", "levels", "worse_channels"]
 
 Evaluated = Callable[[Robot], Predictions | None]
 
@@ -80,7 +77,7 @@ def chosen(
 def levels(reference: Predictions, noise: Mapping[str, float]) -> dict[str, float]:
     """What errors of each channel are divided by before they are added: what the reference leaves there."""
     return {
-        channel: max(errors.validation_rms, noise.get(channel, 0.0), TINY)
+        channel: max(errors.validation_rms, noise.get(channel, 0.0), np.finfo(float).eps)
         for channel, errors in reference.errors.items()
     }
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.motion.low_pass import SAMPLES_PER_PERIOD
 from missing_physics.evaluation import Evaluation, evaluate
 from missing_physics.results.comparison import Errors
 from missing_physics.results.samples import Rows
@@ -17,9 +16,6 @@ from robot_model import InputError, Recording, Robot
 __all__ = ["Predictions", "predictions"]
 
 Array = NDArray[np.float64]
-TINY = 1e-300
-#: A low-pass passes two independent samples per period of its cut-off.
-INDEPENDENT = 2.0 / SAMPLES_PER_PERIOD
 
 
 @dataclass(frozen=True)
@@ -30,7 +26,7 @@ class Predictions:
         robot: the file.
         made: what it predicts of each recording.
         errors: rms by channel, of the samples that count.
-        samples: independent samples that were not fitted, by channel: as many as the band holds.
+        samples: independent samples that were not fitted, by channel: two in a period of the band's end.
     """
 
     robot: Robot
@@ -45,7 +41,7 @@ class Predictions:
         """
         total = 0.0
         for channel, errors in self.errors.items():
-            variance = max(errors.train_rms, TINY) ** 2
+            variance = max(errors.train_rms**2, np.finfo(float).tiny)
             each = np.log(2.0 * np.pi * variance) + errors.validation_rms**2 / variance
             total -= 0.5 * self.samples[channel] * float(each)
         return total
@@ -63,7 +59,7 @@ def predictions(robot: Robot, recordings: Sequence[Recording], rows: Sequence[Ro
         made = tuple(evaluate(robot, recording, own.band) for recording, own in zip(recordings, rows))
     except InputError:
         return None
-    errors, samples = {}, {}
+    errors, samples, step = {}, {}, float(rows[0].time[1] - rows[0].time[0])
     for k, channel in enumerate(rows[0].channels):
         if any(channel not in one.channels for one in made):
             continue
@@ -71,7 +67,7 @@ def predictions(robot: Robot, recordings: Sequence[Recording], rows: Sequence[Ro
         fitted, unseen = (np.concatenate([part[which] for part in parts]) for which in (0, 1))
         if fitted.size and unseen.size and np.isfinite(unseen).all():
             errors[channel] = Errors(_rms(fitted), _rms(unseen))
-            samples[channel] = INDEPENDENT * unseen.size
+            samples[channel] = unseen.size * min(1.0, 2.0 * rows[0].band.torque * step)
     return Predictions(robot, made, errors, samples)
 
 

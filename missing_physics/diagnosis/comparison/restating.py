@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -14,10 +15,6 @@ from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, ChannelSeries, Result
 
 __all__ = ["restated"]
-
-#: Two improvements are the same but for rounding.
-SAME = 1e-9
-TINY = 1e-300
 
 
 def restated(
@@ -32,7 +29,7 @@ def restated(
         for name, one in fit.channels.items()
     }
     found, floor = replace(fit, channels=channels), result.rows[0].floor
-    if abs(_improvement(before, floor) - fit.validation_improvement) < SAME:
+    if math.isclose(_improvement(before, floor), fit.validation_improvement):
         found = replace(found, validation_improvement=_improvement(series, floor))
     return replace(result, series=series, diagnosis=replace(result.diagnosis, fit=found))
 
@@ -67,7 +64,7 @@ def _improvement(series: Sequence[ChannelSeries], floor: Mapping[str, float]) ->
     for one in series:
         if one.counted is None or one.channel not in floor:
             continue
-        rows, least = one.held_out & one.counted, max(floor[one.channel], TINY)
+        rows, least = one.held_out & one.counted, max(floor[one.channel], np.finfo(float).eps)
         for k, model in enumerate((one.nominal, one.augmented)):
             energies[k] += float((((one.measured - model)[rows] / least) ** 2).sum())
-    return 1.0 - float(np.sqrt(energies[1] / energies[0])) if energies[0] > TINY else 0.0
+    return 1.0 - float(np.sqrt(energies[1] / energies[0])) if energies[0] > 0.0 else 0.0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+
 from missing_physics.diagnosis.comparison.choice import Choice
 from missing_physics.results.comparison import AT_NOISE
 from missing_physics.results.result import Fit
@@ -19,7 +21,6 @@ __all__ = [
     "of_choice",
 ]
 
-TINY = 1e-300
 #: Channels of which is said how much is left, those farthest above the noise.
 MOST = 3
 
@@ -75,16 +76,22 @@ def left_over(fit: Fit, floor: Mapping[str, float]) -> Iterator[str]:
         fit: of all channels.
         floor: rms by channel below which errors are not significant; the noise where it is not stated.
     """
-    levels = {name: max(one.noise_floor, floor.get(name, 0.0), TINY) for name, one in fit.channels.items()}
+    least = np.finfo(float).eps
+    levels = {name: max(one.noise_floor, floor.get(name, 0.0), least) for name, one in fit.channels.items()}
     above = [
         (one.after.validation_rms / levels[name], name, one)
         for name, one in fit.channels.items()
         if one.after.validation_rms > AT_NOISE * levels[name]
     ]
     for _, name, one in sorted(above, key=lambda item: -item[0])[:MOST]:
-        part = (one.after.validation_rms / max(one.before.validation_rms, TINY)) ** 2
-        share = f"{part:.1%} of the mismatch energy" if part < 1.0 else "more than with the robot file"
+        share, before, after = (
+            "more than with the robot file",
+            one.before.validation_rms,
+            one.after.validation_rms,
+        )
+        if after < before:
+            share = f"{(after / before) ** 2:.1%} of the mismatch energy"
         yield (
-            f"{name}: {one.after.validation_rms:.3g} {one.unit} rms remain on data that were not fitted, "
+            f"{name}: {after:.3g} {one.unit} rms remain on data that were not fitted, "
             f"{share} (noise {one.noise_floor:.2g} {one.unit})."
         )

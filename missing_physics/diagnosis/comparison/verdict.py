@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from missing_physics.results.comparison import AT_NOISE, LITTLE
 from missing_physics.results.result import Finding, Unnamed, Verdict
 
@@ -81,7 +83,7 @@ def energies(errors: Sequence[Held]) -> tuple[float, float]:
 
 def _beyond(rms: float, noise: float) -> float:
     """Energy beyond the noise, in units of it."""
-    return max((rms / max(noise, 1e-300)) ** 2 - 1.0, 0.0)
+    return max((rms / max(noise, np.finfo(float).eps)) ** 2 - 1.0, 0.0)
 
 
 def _at_noise(errors: Sequence[Held]) -> bool:
@@ -102,7 +104,7 @@ def _better(errors: Sequence[Held], explained: float) -> bool:
     rivals = [(held.answer, held.standard, held.noise) for held in errors if held.standard is not None]
     if not rivals:
         return explained >= LARGER_PART
-    levels = [max(standard, noise, 1e-300) for _, standard, noise in rivals]
+    levels = [max(standard, noise, np.finfo(float).eps) for _, standard, noise in rivals]
     ours = sum((answer / level) ** 2 for (answer, _, _), level in zip(rivals, levels))
     theirs = sum((standard / level) ** 2 for (_, standard, _), level in zip(rivals, levels))
     return ours < theirs

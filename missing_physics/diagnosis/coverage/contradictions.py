@@ -17,15 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.checks.actuation import actuator_torque
+from missing_physics.diagnosis.coverage.evidence import FEWEST_SURE
 from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.coverage.needs import Needs
 from missing_physics.diagnosis.coverage.torque_channels import (
     BELIEVED,
     DECISIVE,
+    FAILS,
     HOLDS,
     NEAR,
     NEARER,
     believed,
+    log_of,
     torque_findings,
 )
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
@@ -33,7 +36,7 @@ from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.evaluation.band import DENSE
 from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, sentence_of
 from missing_physics.recordings.channels.decimation import decimated
-from missing_physics.standard.band import WIDER, motion_band
+from missing_physics.standard.band import SLOWEST, WIDER, motion_band
 from missing_physics.standard.rows import prismatic
 from robot_model import InputError, Recording, Robot
 
@@ -43,23 +46,9 @@ Array = NDArray[np.float64]
 
 #: Other motions are tried where a torque as it is named leaves this part, which few effects do.
 SUSPICIOUS = 0.3
-#: How the position of a joint was recorded that moves by less than this part of the fastest joint's speed is
-#: hardly seen in any torque.
-HELD = 0.01
 #: Another motion must explain all torques better than corrected torques do, by this in the logarithm of what
 #: they leave.
 BETTER = math.log(3.0)
-#: Torques that leave no more than this are explained.
-SETTLED = 0.02
-#: Below this a logarithm of what is left says nothing more.
-LEAST = 1e-4
-#: A joint that is faster than its limit by this factor is at work no more.
-RUNAWAY = 10.0
-#: It was so in this part of the recording at least: a stray position is another matter.
-LASTING = 0.01
-#: A gyro's axis counts with this part of the turning.
-ACTIVE = 0.02
-DEGREE = math.pi / 180.0
 
 
 class ContradictionError(InputError):
@@ -143,21 +132,29 @@ def contradictions(
 
 
 def _moved(robot: Robot, dynamics: MotionDynamics) -> NDArray[np.bool_]:
-    """Which moving joints are not held, shape (n,); revolute and prismatic ones each among themselves."""
+    """Which moving joints are not held, shape (n,); revolute and prismatic ones each among themselves.
+
+    How the position of a joint that is held was recorded is hardly seen in any torque.
+    """
     top = np.abs(dynamics.motion.velocity).max(axis=0)
     kinds = prismatic(robot)
     fastest = np.array([top[kinds == kind].max() for kind in kinds])
-    return np.asarray(top >= HELD * fastest)
+    return np.asarray(top >= SLOWEST * fastest)
 
 
 def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
-    """Joints that were out of control: a torque at its limit against the motion is right then."""
+    """Joints that were out of control: a torque at its limit against the motion is right then.
+
+    They were faster than their limit by more than gains may make, and so for as long as is needed to judge a
+    joint: a stray position is another matter.
+    """
     motion = dynamics.motion
     for k, joint in enumerate(robot.moving_joints):
         if joint.velocity_limit is None:
             continue
-        top = float(np.quantile(np.abs(motion.velocity[:, k]), 1.0 - LASTING))
-        if top > RUNAWAY * joint.velocity_limit:
+        speed = np.sort(np.abs(motion.velocity[motion.kept, k]))
+        top = float(speed[-FEWEST_SURE])
+        if top > BELIEVED[1] * joint.velocity_limit:
             channel = motion.position_channels[k]
             unit = "m/s" if joint.kind == "prismatic" else "rad/s"
             yield Finding(
@@ -175,11 +172,11 @@ def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
 def _settled(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> bool:
     """Whether corrected torques leave next to nothing, and no factor of theirs could be that of degrees."""
     near = (
-        abs(math.log(abs(correction.scale) * DEGREE)) < math.log(2.0)
+        abs(math.log(math.radians(abs(correction.scale)))) < math.log(2.0)
         for f in torques
         for correction in f.corrections
     )
-    return not any(near) and all(left < SETTLED for left in _left_of_torques(robot, needs, torques))
+    return not any(near) and all(left < FAILS for left in _left_of_torques(robot, needs, torques))
 
 
 @dataclass(frozen=True)
@@ -199,14 +196,14 @@ def _motion(
     suspicious: Sequence[int],
 ) -> Finding | None:
     """A motion recorded otherwise than named that makes the torques right, each of which fails as it is."""
-    best, best_cost = None, sum(map(_log, _left_of_torques(robot, needs, torques))) - BETTER
+    best, best_cost = None, sum(map(log_of, _left_of_torques(robot, needs, torques))) - BETTER
     for trial in _trials(robot, channels, suspicious):
         moved = again(trial.corrections)
         left = {k: moved.left(k, NEAR) for k in suspicious}
         failed = any(part > HOLDS or part * DECISIVE > believed(needs, k) for k, part in left.items())
         if failed or any(believed(moved, k) > SUSPICIOUS for k in needs.known):
             continue
-        cost = sum(_log(moved.left(k, NEARER)) for k in needs.known)
+        cost = sum(log_of(moved.left(k, NEARER)) for k in needs.known)
         if cost < best_cost:
             best, best_cost = (trial, left), cost
     if best is None:
@@ -245,18 +242,14 @@ def _left_of_torques(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> 
         yield needs.left(k, limits, of=other, sign=math.copysign(1.0, correction.scale))
 
 
-def _log(left: float) -> float:
-    return math.log(max(left, LEAST))
-
-
 def _trials(robot: Robot, channels: Sequence[str], suspicious: Sequence[int]) -> Iterator[_Trial]:
-    joints = robot.moving_joints
+    joints, degree = robot.moving_joints, math.radians(1.0)
     turning = [c for c, joint in zip(channels, joints) if joint.kind == "revolute"]
     if len(turning) > 1:
-        yield _Trial(tuple(Correction(c, scale=DEGREE) for c in turning), f"{_and(turning)} are in degrees")
+        yield _Trial(tuple(Correction(c, scale=degree) for c in turning), f"{_and(turning)} are in degrees")
     for k in suspicious:
         if joints[k].kind == "revolute":
-            yield _Trial((Correction(channels[k], scale=DEGREE),), f"{channels[k]} is in degrees")
+            yield _Trial((Correction(channels[k], scale=degree),), f"{channels[k]} is in degrees")
         else:
             yield _Trial((Correction(channels[k], scale=1e-3),), f"{channels[k]} is in mm")
         yield _Trial((Correction(channels[k], scale=-1.0),), f"{channels[k]} counts the other way round")
@@ -282,9 +275,9 @@ def _gyro(dynamics: MotionDynamics) -> Iterator[Finding]:
     power = (turn**2).sum(axis=0)
     if not power.any() or native * 0.999 < HOLDS:
         return
-    active = power > ACTIVE * power.sum()
+    active = 4.0 * power > HOLDS * power.sum()  # what is left with an axis reversed
     trials = []
-    for unit, words in ((1.0, ""), (DEGREE, "is in degrees per second")):
+    for unit, words in ((1.0, ""), (math.radians(1.0), "is in degrees per second")):
         for signs in _signs(active):
             if unit != 1.0 or (signs < 0).any():
                 trials.append((_gain_left(turn, unit * signs * read, NEAR), unit, signs, words))

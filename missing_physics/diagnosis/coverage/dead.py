@@ -14,10 +14,6 @@ from robot_model import Recording, Robot
 
 __all__ = ["dead_channels", "without_dead"]
 
-#: A drive made the motion where friction, springs and gravity alone leave more than this part of the torque
-#: that it takes: most of it. A joint that swings freely leaves next to nothing.
-DRIVEN = 0.5
-
 
 def dead_channels(
     robot: Robot, recordings: Sequence[Recording], dynamics: Sequence[MotionDynamics]
@@ -38,7 +34,9 @@ def dead_channels(
                 constant[k] = channel
         needs = Needs.of(along) if constant else None
         for k, channel in constant.items():
-            if needs is not None and needs.undriven(k) > DRIVEN:
+            # A drive made the motion where friction, springs and gravity leave more of the torque that it
+            # takes than they make. A joint that swings freely leaves next to nothing.
+            if needs is not None and needs.undriven(k) > 1.0 - needs.undriven(k):
                 value = float(np.nanmax(recording[channel]))
                 found[channel] = (
                     f"{channel} is {value:.6g} throughout, which cannot cause this motion: the channel is "

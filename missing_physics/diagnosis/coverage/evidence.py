@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
-from missing_physics.diagnosis.motion.sliding import transition_speeds, weights
+from missing_physics.evaluation.sliding import NEAR
+from missing_physics.hypotheses.extents import STANDSTILL
 from missing_physics.inference.data import held_out_windows
 from missing_physics.recordings import rests_on_levels
+from missing_physics.standard.band import SLOWEST
 from robot_model import Recording, Robot, unit_of
 
 __all__ = ["FEWEST_SURE", "JointEvidence", "evidence"]
@@ -22,12 +25,8 @@ Flags = NDArray[np.bool_]
 
 #: A joint moves when its travel and its speed exceed their noise by this factor.
 MOVES = 10.0
-#: Rows of sure direction from which it is asked whether more than noise is left of a torque.
+#: Rows of sure direction of which anything can be said [-]: those of five periods of the cut-off.
 FEWEST_SURE = 20
-#: A velocity below this part of the largest has no direction.
-STILL = 0.02
-#: Series of noise from which the rms is computed that the filter leaves of it.
-DRAWS = 4
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def evidence(
     """
     own, others = dynamics[:fitted], dynamics[fitted:]
     moves = [_moves(one, along.motion) for one, along in zip(recordings, dynamics)]
-    sure = [_sure(robot, along.motion) & there for along, there in zip(dynamics, moves)]
+    sure = [_sure(along.motion) & there for along, there in zip(dynamics, moves)]
     held = [np.zeros(len(rows), dtype=bool) for rows in sure[:fitted]]
     if not others:
         held = [_held_out(along.motion) for along in own]
@@ -110,10 +109,15 @@ def _held_out(motion: Motion) -> Flags:
     return np.any([(time >= first) & (time <= last) for first, last in windows], axis=0)
 
 
-def _sure(robot: Robot, motion: Motion) -> Flags:
-    """Rows in which each joint surely moves in one direction, shape (R, n)."""
-    sliding, _ = weights(robot, motion, transition_speeds(motion))
-    return np.asarray(sliding[motion.low_pass.kept(len(sliding))] > 0)
+def _sure(motion: Motion) -> Flags:
+    """Rows in which each joint surely moves in one direction, (R, n): it stands still nowhere near them.
+
+    Near is what the smoother of the motion remembers: half a period of its cut-off.
+    """
+    speed, memory = np.abs(motion.velocity), 0.5 / motion.motion_cutoff
+    still = speed <= np.maximum(NEAR * motion.velocity_noise, SLOWEST * speed.max(axis=0))
+    near = maximum_filter1d(still, 2 * int(memory * motion.low_pass.rate) + 1, axis=0)
+    return np.asarray(~near[motion.kept])
 
 
 def _moves(recording: Recording, motion: Motion) -> Flags:
@@ -126,18 +130,16 @@ def _moves(recording: Recording, motion: Motion) -> Flags:
 
 def _directions(motion: Motion, index: int) -> set[float]:
     """Signs of the velocities that are more than a standstill."""
-    velocity = motion.velocity[motion.low_pass.kept(len(motion.velocity)), index]
-    moving = velocity[np.abs(velocity) > STILL * np.abs(velocity).max(initial=0.0)]
+    velocity = motion.velocity[motion.kept, index]
+    moving = velocity[np.abs(velocity) > STANDSTILL * np.abs(velocity).max(initial=0.0)]
     return set(np.sign(moving).tolist())
 
 
 def _levels(along: MotionDynamics) -> tuple[Array, Array, Array]:
     """rms of the recorded torque, of the needed one and of the noise, shape (n,) each."""
     motion, n = along.motion, along.motion.position.shape[1]
-    white = np.random.default_rng(0).standard_normal((len(motion.time), DRAWS))
-    left = float(np.sqrt(np.mean(motion.low_pass.reduce(white) ** 2)))
     recorded, needed = (
         np.sqrt(np.mean(motion.low_pass.reduce(part) ** 2, axis=0))
         for part in (np.nan_to_num(motion.torque), along.torque[:, :n])
     )
-    return recorded, needed, left * motion.torque_noise
+    return recorded, needed, motion.low_pass.noise_gain * motion.torque_noise

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from missing_physics.answer.locate import FLOOR_TOLERANCE
 from missing_physics.checks.actuation import is_passive, torque_lack
 from missing_physics.diagnosis.coverage.evidence import FEWEST_SURE, JointEvidence, evidence
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.inference.ledger import ODDS
+from missing_physics.standard.band import SAMPLES_PER_PERIOD
 from robot_model import InputError, Recording, Robot
 
 __all__ = [
@@ -23,12 +26,8 @@ __all__ = [
     "require_same_torques",
 ]
 
-#: Fewest rows after decimation, and shortest time [periods of the cut-off].
+#: Fewest rows after decimation: ten periods of the cut-off, in which a body's ten numbers can show.
 FEWEST_ROWS = 40
-#: A torque within the noise, known to this factor, holds nothing but noise,
-NOISE_KNOWN = 1.15
-#: where what the joint needs promises less evidence than this (natural logarithm of the odds).
-SEEN = 10.0
 
 
 @dataclass(frozen=True)
@@ -162,7 +161,7 @@ def coverage(
         cutoff = motions[0].low_pass.cutoff
         general.append(
             f"only {rows} independent samples are left below the cut-off of {cutoff:.3g} Hz; "
-            f"record at least {2 * FEWEST_ROWS / (4 * cutoff):.2g} s more."
+            f"record at least {2 * FEWEST_ROWS / (SAMPLES_PER_PERIOD * cutoff):.2g} s more."
         )
         return Coverage((), tuple(general), enough=False)
     found = evidence(robot, recordings, dynamics, fitted=fitted)
@@ -208,7 +207,7 @@ def _reasons(
             if one.validated
             else "move throughout the recording, or give a second one with --validate",
         )
-    if one.noise > 0 and not one.described and one.recorded <= NOISE_KNOWN * one.noise and not _seen(one):
+    if one.noise > 0 and not one.described and one.recorded <= FLOOR_TOLERANCE * one.noise and not _seen(one):
         yield Reason(
             "all_noise",
             f"neither the recorded torque ({one.recorded:.2g} {one.unit} rms) nor the torque that the motion "
@@ -218,8 +217,11 @@ def _reasons(
 
 
 def _seen(one: JointEvidence) -> bool:
-    """Whether it would show in the recorded torque if the joint did not need what the robot file says."""
-    return 0.5 * one.rows_fitted * (one.needed / one.noise) ** 2 > SEEN
+    """Whether it would show in the recorded torque if the joint did not need what the robot file says.
+
+    It does where the gain of log score is more than the odds against an effect.
+    """
+    return 0.5 * one.rows_fitted * (one.needed / one.noise) ** 2 > ODDS
 
 
 def _still(recording: Recording, joint: str) -> str:

@@ -25,17 +25,14 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.hypotheses.extents import STANDSTILL
 
 __all__ = ["Needs"]
 
 Array = NDArray[np.float64]
 
-#: Slower than this part of the highest speed, the sign of a velocity is not counted in full.
-SLOW = 0.02
 #: Speed, as a part of the highest, over which friction may fall from its static level.
 STRIBECK = 0.1
-#: Part of a torque's energy that rounding leaves of a constant.
-ROUNDING = 1e-24
 #: Rows that are looked at at most.
 MOST_ROWS = 4000
 #: Damping of a drive that holds a joint, as a part of its stiffness: the time within which it answers [s].
@@ -72,7 +69,7 @@ class Needs:
         dynamic = dynamics.torque - gravity @ acting
         top = np.maximum(np.abs(motion.velocity).max(axis=0), 1e-12)
         speed = motion.velocity / top
-        sign = np.tanh(speed / SLOW)
+        sign = np.tanh(speed / STANDSTILL)
         signed = np.stack([speed, sign, sign * np.exp(-((speed / STRIBECK) ** 2)), motion.position], axis=2)
         free = np.concatenate([np.ones((count, joints, 1)), gravity], axis=2)
         most = motion.position + ANSWERS * motion.velocity
@@ -103,14 +100,7 @@ class Needs:
         """
         other = joint if of is None else of
         columns, u = self._reduced("driven", joint, other)
-        energy, recorded = float(u @ u), self.measured[:, other]
-        if energy <= ROUNDING * float(recorded @ recorded):  # a constant, as of a joint that nothing drives
-            return 0.0
-        bounds = np.array([scale, *[(0.0, np.inf)] * (columns.shape[1] - 1)]).T
-        bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        found = lsq_linear(columns / size, sign * u, (bounds * size).clip(max=np.inf), method="bvls")
-        return float(2 * found.cost / energy)
+        return _left(columns, sign * u, self.measured[:, other], scale)
 
     def left_if_held(self, joint: int, scale: tuple[float, float]) -> float:
         """As `left`, of a joint that its drive holds against what others do to it.
@@ -119,14 +109,7 @@ class Needs:
             joint: of the torque.
             scale: between which k may lie; not negative.
         """
-        columns, u = self._reduced("held", joint, joint)
-        energy, recorded = float(u @ u), self.measured[:, joint]
-        if energy <= ROUNDING * float(recorded @ recorded):
-            return 0.0
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        bounds = np.array([scale, (0.0, np.inf), (0.0, np.inf)]).T
-        found = lsq_linear(columns / size, u, (bounds * size).clip(max=np.inf), method="bvls")
-        return float(2 * found.cost / energy)
+        return _left(*self._reduced("held", joint, joint), self.measured[:, joint], scale)
 
     def undriven(self, joint: int) -> float:
         """Part of the energy of `dynamic` that no friction, spring, gravity or constant torque makes.
@@ -135,19 +118,12 @@ class Needs:
         it is a single sine, which a spring could make as well.
         """
         columns, _ = self._reduced("driven", joint, joint)
-        needed, size = columns[:, 0], np.maximum(np.linalg.norm(columns[:, 1:], axis=0), 1e-300)
-        energy, whole = float(needed @ needed), self.dynamic[:, joint]
-        if energy <= ROUNDING * float(whole @ whole):
-            return 0.0
-        found = lsq_linear(columns[:, 1:] / size, -needed, (0.0, np.inf), method="bvls")
-        return float(2 * found.cost / energy)
+        return _left(columns[:, 1:], -columns[:, 0], self.dynamic[:, joint])
 
     def scale(self, joint: int, *, sign: float = 1.0) -> float:
         """The k of best fit, not negative."""
         columns, u = self._reduced("driven", joint, joint)
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        found = lsq_linear(columns / size, sign * u, (0.0, np.inf), method="bvls")
-        return float(found.x[0] / size[0])
+        return float(_fitted(columns, sign * u)[0])
 
     def _reduced(self, model: str, joint: int, of: int) -> tuple[Array, Array]:
         """Columns of a model and a torque, with what is free projected out of both, shape (C, M) and (C,).
@@ -168,6 +144,28 @@ class Needs:
             self._kept[key] = np.asarray(np.linalg.qr(both - basis @ (basis.T @ both), mode="r"))
         kept = self._kept[key]
         return kept[:, :-1], kept[:, -1]
+
+
+def _left(columns: Array, u: Array, whole: Array, first: tuple[float, float] = (0.0, np.inf)) -> float:
+    """Part of the energy of a reduced series that columns leave, none of them negative; see `_fitted`.
+
+    Nothing is left of a constant, as of a joint that nothing drives: of `whole`, before it was reduced, no
+    more than rounding.
+    """
+    energy = float(u @ u)
+    if energy <= (np.finfo(float).eps * MOST_ROWS) ** 2 * float(whole @ whole):
+        return 0.0
+    apart = u - columns @ _fitted(columns, u, first)
+    return float(apart @ apart) / energy
+
+
+def _fitted(columns: Array, u: Array, first: tuple[float, float] = (0.0, np.inf)) -> Array:
+    """Factors of columns by least squares, not negative, that of the first within its ends, shape (C,)."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    bounds = np.array([first, *[(0.0, np.inf)] * (len(size) - 1)]).T
+    bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
+    found = lsq_linear(columns / size, u, (bounds * size).clip(max=np.inf), method="bvls")
+    return np.asarray(found.x / size)
 
 
 def _basis(columns: Array) -> Array:

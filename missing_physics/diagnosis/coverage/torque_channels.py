@@ -16,9 +16,10 @@ from scipy.optimize import linear_sum_assignment
 
 from missing_physics.diagnosis.coverage.needs import Needs
 from missing_physics.recordings import Correction, Finding, percent
+from missing_physics.standard import MODEL_ERROR
 from robot_model import Joint, Robot
 
-__all__ = ["BELIEVED", "Suspect", "believed", "factors", "torque_findings"]
+__all__ = ["BELIEVED", "FAILS", "Suspect", "believed", "factors", "log_of", "torque_findings"]
 
 #: Scales of a torque that gains of sensors and actuators and other masses may make.
 BELIEVED = (0.1, 10.0)
@@ -100,6 +101,11 @@ def believed(needs: Needs, joint: int) -> float:
     return min(needs.left(joint, BELIEVED), needs.left_if_held(joint, BELIEVED))
 
 
+def log_of(left: float) -> float:
+    """Logarithm of a part that is left of a torque's energy, no less than any model leaves."""
+    return math.log(max(left, MODEL_ERROR**2))
+
+
 def _decisive(left: float, needs: Needs, joint: int) -> bool:
     return left < HOLDS and left * DECISIVE < believed(needs, joint)
 
@@ -132,13 +138,14 @@ def _exchanged(needs: Needs, failing: Sequence[int], alone: dict[int, Suspect | 
     """Joint to the joint under whose name its torque was recorded, where that explains them best."""
     known = list(needs.known)
     left = np.array([[needs.left(a, NEARER, of=b) for b in known] for a in known])
-    rows, columns = linear_sum_assignment(np.log(np.maximum(left, 1e-6)))
+    logs = np.vectorize(log_of)(left)
+    rows, columns = linear_sum_assignment(logs)
     moved = {known[a]: known[b] for a, b in zip(rows, columns) if a != b}
     if not moved or not set(moved) <= set(failing):
         return {}
     if not all(_decisive(left[known.index(a), known.index(b)], needs, a) for a, b in moved.items()):
         return {}
-    together = sum(math.log(max(left[known.index(a), known.index(b)], 1e-4)) for a, b in moved.items())
+    together = sum(logs[known.index(a), known.index(b)] for a, b in moved.items())
     single = 0.0
     for a in moved:
         suspect = alone[a]
@@ -146,7 +153,7 @@ def _exchanged(needs: Needs, failing: Sequence[int], alone: dict[int, Suspect | 
             return moved
         factor = abs(suspect.scale)
         own = needs.left(a, (NEARER[0] / factor, NEARER[1] / factor), sign=math.copysign(1.0, suspect.scale))
-        single += math.log(max(own, 1e-4))
+        single += log_of(own)
     return moved if together < single else {}
 
 

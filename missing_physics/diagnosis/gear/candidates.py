@@ -11,21 +11,23 @@ from missing_physics.diagnosis.gear.columns import VELOCITY
 from missing_physics.diagnosis.gear.gap import Gap
 from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, ELASTICITY, HYSTERESIS, OF_GEARS, OPTIONAL
 from missing_physics.hypotheses import Candidate, Sight, Term, extent_of
+from missing_physics.hypotheses.extents import STANDSTILL
 from missing_physics.inference.ledger import ODDS
 from reference_model.effects.catalogue import get_effect
+from reference_model.effects.gear_hysteresis import TORQUE_SHARE
 
 __all__ = ["SEEN_CYCLE", "candidates"]
 
 Array = NDArray[np.float64]
 
-#: Starting values: travel of friction inside a gear, and torque within which flanks fly, as parts of the
-#: range of the torque, the last also the most, beyond which flanks that fly would be a spring; friction
-#: inside a gear as a part of its rms.
-TRAVELS, FLIGHTS, HEIGHT = (0.01, 0.03, 0.1, 0.3), (0.01, 0.03, 0.1), 0.1
-#: A cycle over position of a known order is looked for when the motion covers this much of it [rad].
-SEEN_CYCLE = np.pi
-#: Of a cycle of any order, fewest over the travel: below it is a slope and a curve; and where fits begin.
-FEWEST, SLOW = 0.25, 0.5
+#: Starting values as parts of the range of the torque: travel of friction inside a gear, and torque within
+#: which flanks fly, of which the last would be a spring.
+TRAVELS = (0.01, 0.03, 0.1, 0.3)
+#: Cycles of a wave over position that the motion covers at least where its order is known, and with which
+#: fits begin where it is not.
+SEEN_CYCLE = 0.5
+#: Fewest cycles in a fit: below it is a slope and a curve.
+FEWEST = 0.25
 
 
 def candidates(gaps: Sequence[Gap], terms: Sequence[Term], left: Sequence[Array]) -> Iterator[Candidate]:
@@ -61,13 +63,13 @@ def _of_encoders(gaps: Sequence[Gap], left: Sequence[Array]) -> Iterator[Candida
     most = _cycles(gaps, travel)
     shafts = [(position, 1.0), (position, 2.0)] + [(motor, k * ratio) for k in (1.0, 2.0) if ratio > 1.0]
     for channel, order in shafts:
-        if order * travel >= SEEN_CYCLE and order * travel < 2.0 * np.pi * most:
+        if order * travel >= 2.0 * np.pi * SEEN_CYCLE and order * travel < 2.0 * np.pi * most:
             fixed = {"order": (order, order)}
             yield Candidate(Term.of(eccentricity, channel, _cycle(order), limits=fixed))
     # A ratio that the file does not list, one of the orders that can be told apart by Rayleigh's criterion.
     further = ODDS + float(np.log(max(2.0 * most, 1.0)))
     cycle = 2.0 * np.pi / travel
-    for order in (SLOW * cycle, *(order for extent in extents for order in extent.orders)):
+    for order in (SEEN_CYCLE * cycle, *(order for extent in extents for order in extent.orders)):
         wide = {"order": (FEWEST * cycle, eccentricity.parameter("order").upper)}
         yield Candidate(Term.of(eccentricity, position, _cycle(order), limits=wide, further=further))
 
@@ -78,8 +80,8 @@ def _cycle(order: float) -> dict[str, float]:
 
 def _cycles(gaps: Sequence[Gap], travel: float) -> float:
     """Most cycles over the travel that the filter passes at the median speed, and samples determine."""
-    speed = np.abs(np.concatenate([gap.along.velocity[:, gap.index] for gap in gaps]))
-    moving = speed[speed > 0.02 * float(speed.max())]
+    speed = np.abs(np.concatenate([gap.velocity[gap.along.motion.kept] for gap in gaps]))
+    moving = speed[speed > STANDSTILL * float(speed.max())]
     if not moving.size:
         return 0.0
     cutoff = gaps[0].along.motion.low_pass.cutoff
@@ -88,7 +90,7 @@ def _cycles(gaps: Sequence[Gap], travel: float) -> float:
 
 def _of_gear(gaps: Sequence[Gap], terms: Sequence[Term], left: Sequence[Array]) -> Iterator[Candidate]:
     """Effects along the torque through the gear: all of one gear along the same estimate of it."""
-    joint = gaps[0].joint
+    joint, flights = gaps[0].joint, TRAVELS[:-1]
     here = {term.effect.id: term for term in terms if term.at == joint and term.effect.id in OF_GEARS}
     chosen = {term.along for term in here.values()} - {VELOCITY}
     for along in sorted(chosen or gaps[0].torques):
@@ -109,11 +111,11 @@ def _of_gear(gaps: Sequence[Gap], terms: Sequence[Term], left: Sequence[Array]) 
         if HYSTERESIS.id in here:
             continue
         if BACKLASH.id not in here and turns:
-            for part in FLIGHTS:
-                yield _play(joint, along, part * span, FLIGHTS[-1] * span)
+            for part in flights:
+                yield _play(joint, along, part * span, flights[-1] * span)
         if ELASTICITY.id in here and BACKLASH.id not in here:
             found = here[ELASTICITY.id].parameters["stiffness"]
-            height = HEIGHT * float(np.sqrt(np.mean(np.concatenate(torques) ** 2)))
+            height = TORQUE_SHARE * float(np.sqrt(np.mean(np.concatenate(torques) ** 2)))
             for part in TRAVELS:
                 values = {"torque": height, "travel": part * span / found, "stiffness": found}
                 lossy = Term.of(HYSTERESIS, joint, values, along=along, further=ODDS)  # two effects in one
@@ -143,14 +145,14 @@ def _stiffness(torques: Sequence[Array], left: Sequence[Array]) -> float:
 
 def _sight(gap: Gap, left: Array) -> Sight:
     """The joint in one recording, for the orders in its residual."""
-    low_pass, k = gap.along.motion.low_pass, gap.index
+    motion = gap.along.motion
     return Sight(
-        time=gap.along.time,
-        position=gap.along.position[:, k],
-        velocity=gap.along.velocity[:, k],
+        time=motion.reduced_time,
+        position=gap.position[motion.kept],
+        velocity=gap.velocity[motion.kept],
         torque=gap.reduce(gap.torques["link"]),
         residual=left,
-        step=1.0 / low_pass.rate,
-        cutoff=low_pass.cutoff,
+        step=1.0 / motion.low_pass.rate,
+        cutoff=motion.low_pass.cutoff,
         gear_ratio=gap.gear_ratio,
     )

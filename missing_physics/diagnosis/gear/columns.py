@@ -11,6 +11,7 @@ from missing_physics.diagnosis.gear.gap import Gap
 from missing_physics.diagnosis.gear.hysteresis import lagging
 from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, HYSTERESIS
 from missing_physics.hypotheses import Term
+from missing_physics.inference.kept import Kept
 from missing_physics.standard.normal import Places
 from reference_model.effects.along import GearAlong, SensorAlong
 from reference_model.effects.base import SensorEffect, YieldingGear
@@ -21,8 +22,6 @@ Array = NDArray[np.float64]
 
 #: Name of the signal that drives play where no torque is recorded, so that friction is not known.
 VELOCITY = "velocity"
-#: Most numbers in the cached columns: 64 MB.
-KEPT = 8_000_000
 
 
 class GapColumns:
@@ -35,8 +34,7 @@ class GapColumns:
 
     def __init__(self, gaps: Sequence[Sequence[Gap]], centred: Sequence[bool]) -> None:
         self._gaps, self._centred = gaps, centred
-        self._kept: dict[tuple[object, ...], Array] = {}
-        self._size = 0
+        self._kept = Kept[Array]()
 
     def prepare(self, terms: Sequence[Term], run: int) -> None:
         """Compute the columns of several terms."""
@@ -49,19 +47,16 @@ class GapColumns:
             k for k, gap in enumerate(self._gaps[run]) if term.at.split(".")[0] in (gap.joint, gap.link)
         ]
         key = (*term.key, term.values, term.along, tuple(p.name for p in term.free), run)
-        if key not in self._kept:
+        found = self._kept.get(key)
+        if found is None:
             gap = self._gaps[run][places[0]]
-            found = gap.reduce(_columns(term, gap))
-            found = found - found.mean(axis=0) if self._centred[run] else found
-            self._kept[key] = found[:, None, :]
-            self._size += found.size
-            while self._size > KEPT and len(self._kept) > 1:
-                self._size -= self._kept.pop(next(iter(self._kept))).size
-        return np.array(places[:1]), self._kept[key]
+            found = gap.reduce(_columns(term, gap))[:, None, :]
+            found = self._kept.keep(key, found - found.mean(axis=0) if self._centred[run] else found)
+        return np.array(places[:1]), found
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
         """Sum of what terms contribute to the gaps, shape (K, n)."""
-        found = np.zeros((self._gaps[run][0].along.time.size, len(self._gaps[run])))
+        found = np.zeros((self._gaps[run][0].along.motion.reduced_time.size, len(self._gaps[run])))
         for term in terms:
             acts, values = self.acting(term, run)
             found[:, acts] += values[:, :, 0]

@@ -7,7 +7,7 @@ that is held out states its own, which no hypothesis predicts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -28,24 +28,18 @@ __all__ = ["GapData"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Width of the prior of a zero, as a part of its size and that of the gap: rows determine it.
-ANY = 1e3
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GapData(Data):
     """Rows of gaps, one channel for each joint with two encoders.
 
     Attributes:
-        nominal_robot: whose joints they are.
         gaps: of each recording, channel by channel, the fitted ones first.
-        offsets: mean of each gap in each fitted recording, shape (X,).
+        targets: the gaps, those of held-out recordings about their mean, shape (K, n) each [rad or m].
     """
 
-    nominal_robot: Robot
     gaps: tuple[tuple[Gap, ...], ...]
-    offsets: Array
-    _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
+    targets: tuple[Array, ...]
 
     @classmethod
     def of(cls, robot: Robot, gaps: Sequence[Sequence[Gap]], fitted: int) -> Self:
@@ -57,11 +51,14 @@ class GapData(Data):
             fitted: how many recordings are fitted.
         """
         width = len(gaps[0])
-        blocks = blocks_of([np.ones((own[0].along.time.size, width), dtype=bool) for own in gaps], fitted)
-        targets = [_differences(own) for own in gaps]
-        offsets = np.concatenate([target.mean(axis=0) for target in targets[:fitted]])
-        about = np.concatenate([target - target.mean(axis=0) for target in targets[:fitted]])
-        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), 1e-15)
+        whole = [np.column_stack([gap.reduce(gap.difference) for gap in own]) for own in gaps]
+        centred = [target - target.mean(axis=0) for target in whole]
+        targets = *whole[:fitted], *centred[fitted:]
+        offsets = np.concatenate([target.mean(axis=0) for target in whole[:fitted]])
+        about = np.concatenate(centred[:fitted])
+        size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), np.finfo(float).eps)
+        # What the encoders' steps leave in their mean is an error of any model, too.
+        steps = np.sqrt(np.mean([[gap.steps**2 for gap in own] for own in gaps], axis=0))
         designs = []
         for i, target in enumerate(targets):
             design = np.zeros((*target.shape, offsets.size))
@@ -78,7 +75,7 @@ class GapData(Data):
             positive=np.zeros(0, dtype=int),
             size=sizes,
             centre=np.zeros(offsets.size),
-            width=ANY * (sizes + np.abs(offsets)),
+            width=np.full(offsets.size, np.inf),  # rows determine them
             scale=np.zeros(offsets.size),
             beams=np.zeros(0, dtype=int),
         )
@@ -86,58 +83,25 @@ class GapData(Data):
             layout=layout,
             filed=np.zeros(offsets.size),
             designs=tuple(designs),
-            blocks=blocks,
+            blocks=blocks_of([np.ones(target.shape, dtype=bool) for target in whole], fitted),
             size=size,
-            nominal_robot=robot,
+            noise=np.sqrt(np.mean([[gap.noise_floor**2 for gap in own] for own in gaps], axis=0)),
+            error=np.hypot(MODEL_ERROR * size, steps),
+            independent=gaps[0][0].along.motion.low_pass.independent,
+            robot=robot,
+            joints=tuple(gap.joint for gap in gaps[0]),
             gaps=tuple(map(tuple, gaps)),
-            offsets=offsets,
+            targets=targets,
         )
-
-    @property
-    def robot(self) -> Robot:
-        """The nominal robot."""
-        return self.nominal_robot
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Joints with two encoders."""
-        return tuple(gap.joint for gap in self.gaps[0])
 
     @cached_property
     def terms(self) -> GapColumns:
         """Columns of terms along the recordings."""
         return GapColumns(self.gaps, [i >= self.fitted for i in range(len(self.gaps))])
 
-    @cached_property
-    def error(self) -> Array:
-        """That of any model, and what the encoders' steps leave in their mean [rad or m], shape (n,)."""
-        steps = np.sqrt(np.mean([[gap.steps**2 for gap in own] for own in self.gaps], axis=0))
-        return np.hypot(MODEL_ERROR * self.size, steps)
-
-    @cached_property
-    def noise(self) -> Array:
-        """rms that the encoders' noise leaves of each gap [rad or m], shape (n,)."""
-        return np.sqrt(np.mean([[gap.noise_floor**2 for gap in own] for own in self.gaps], axis=0))
-
-    @property
-    def independent(self) -> float:
-        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-        low_pass = self.gaps[0][0].along.motion.low_pass
-        return min(1.0, 2.0 * low_pass.cutoff * low_pass.stride / low_pass.rate)
-
-    @property
-    def start(self) -> Array:
-        """Where the encoders have their zeros, shape (X,)."""
-        return self.offsets
-
-    @property
-    def sigma(self) -> Array:
-        """rms of each gap about its mean [rad or m], shape (n,)."""
-        return self.size
-
     def time(self, run: int) -> Array:
         """Of the rows of one recording [s], shape (K,)."""
-        return self.gaps[run][0].along.time
+        return self.gaps[run][0].along.motion.reduced_time
 
     def counted(self, run: int) -> Mask:
         """Every row is compared, shape (K, n)."""
@@ -145,14 +109,11 @@ class GapData(Data):
 
     def target(self, run: int) -> Array:
         """The gaps, those of a held-out recording about their mean [rad or m], shape (K, n)."""
-        if run not in self._targets:
-            found = _differences(self.gaps[run])
-            self._targets[run] = found if run < self.fitted else found - found.mean(axis=0)
-        return self._targets[run]
+        return self.targets[run]
 
     def nominal(self, run: int) -> Array:
         """The gaps of a robot with rigid gears and encoders that do not err, shape (K, n)."""
-        return np.asarray(self.designs[run] @ self.offsets)
+        return np.asarray(self.designs[run] @ self.start)
 
     def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
         """What may be added to a hypothesis."""
@@ -161,7 +122,3 @@ class GapData(Data):
             own = [gaps[k] for gaps in self.gaps[: self.fitted]]
             found += candidates(own, hypothesis.terms, [each[:, k] for each in left])
         return found
-
-
-def _differences(gaps: Sequence[Gap]) -> Array:
-    return np.column_stack([gap.reduce(gap.difference) for gap in gaps])

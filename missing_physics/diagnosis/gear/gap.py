@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics.along import Along
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.evaluation.steps import steps_left
 from missing_physics.recordings import estimate_noise, sensor_of
@@ -23,9 +22,6 @@ from robot_model import Recording
 __all__ = ["Gap", "gaps_of"]
 
 Array = NDArray[np.float64]
-
-#: Length over which the filter's noise gain is measured, in its edges.
-IMPULSE_EDGES = 8
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class Gap:
             N s/m].
     """
 
-    along: Along
+    along: MotionDynamics
     index: int
     joint: str
     difference: Array
@@ -77,23 +73,28 @@ class Gap:
     @property
     def link(self) -> str:
         """The link behind the joint."""
-        return self.along.joints[self.index].child
+        return self.along.model.robot.moving_joints[self.index].child
 
     @property
     def gear_ratio(self) -> float:
         """Motor turns per joint turn."""
-        actuator = self.along.joints[self.index].actuator
+        actuator = self.along.model.robot.moving_joints[self.index].actuator
         return actuator.gear_ratio if actuator else 1.0
 
     @property
     def is_prismatic(self) -> bool:
         """Whether the joint slides."""
-        return self.along.joints[self.index].kind == "prismatic"
+        return self.along.model.robot.moving_joints[self.index].kind == "prismatic"
+
+    @property
+    def unit(self) -> str:
+        """Of the gap."""
+        return "m" if self.is_prismatic else "rad"
 
     @property
     def transition(self) -> float:
         """Speed below which the sign of the velocity is not known."""
-        return float(self.along.transition[self.index])
+        return float(self.along.motion.transition[self.index])
 
     @cached_property
     def smooth(self) -> Mapping[str, Array]:
@@ -107,7 +108,7 @@ class Gap:
 
 
 def gaps_of(
-    along: Sequence[Along], recordings: Sequence[Recording], fitted: int
+    along: Sequence[MotionDynamics], recordings: Sequence[Recording], fitted: int
 ) -> tuple[tuple[Gap, ...], ...]:
     """The gaps of all joints that have both encoders in all of the recordings, recording by recording.
 
@@ -118,7 +119,7 @@ def gaps_of(
     """
     found = []
     links = [_of_links(one, recording) for one, recording in zip(along, recordings)]
-    for index in range(len(along[0].joints)):
+    for index in range(len(along[0].model.robot.moving_joints)):
         gaps = [_gap_of(*each, index) for each in zip(along, links, recordings)]
         present = tuple(gap for gap in gaps if gap is not None)
         if present and len(present) == len(along):
@@ -126,30 +127,31 @@ def gaps_of(
     return tuple(zip(*found))
 
 
-def _difference(along: Along, recording: Recording, index: int) -> Array | None:
+def _difference(along: MotionDynamics, recording: Recording, index: int) -> Array | None:
     """Position less motor position of one joint, shape (N,); None without both encoders."""
-    joint, motion = along.joints[index].name, along.motion
+    joint, motion = along.model.robot.moving_joints[index].name, along.motion
     if f"{joint}.position" not in motion.others or f"{joint}.motor_position" not in recording:
         return None
     return np.asarray(motion.others[f"{joint}.position"] - motion.raw_position[:, index])
 
 
-def _of_links(along: Along, recording: Recording) -> Array:
+def _of_links(along: MotionDynamics, recording: Recording) -> Array:
     """Torque that the links need along the motion by the joints' encoders, without rotors, shape (N, n)."""
-    motion, more = along.motion, np.zeros_like(along.motion.position)
-    for index in range(len(along.joints)):
+    motion, joints = along.motion, along.model.robot.moving_joints
+    more = np.zeros_like(motion.position)
+    for index in range(len(joints)):
         apart = _difference(along, recording, index)
         if apart is not None:
             more[:, index] = apart - apart.mean()
     moved = motion.moved(more) if more.any() else motion
-    rotors = [joint.actuator.reflected_inertia if joint.actuator else 0.0 for joint in along.joints]
-    torque = MotionDynamics(along.dynamics.model, moved).torque
+    rotors = [joint.actuator.reflected_inertia if joint.actuator else 0.0 for joint in joints]
+    torque = MotionDynamics(along.model, moved).torque
     return np.asarray(torque - np.array(rotors) * moved.acceleration)
 
 
-def _gap_of(along: Along, links: Array, recording: Recording, index: int) -> Gap | None:
+def _gap_of(along: MotionDynamics, links: Array, recording: Recording, index: int) -> Gap | None:
     """The gap of one joint; None without both encoders."""
-    joint, motion = along.joints[index].name, along.motion
+    joint, motion = along.model.robot.moving_joints[index].name, along.motion
     channels = f"{joint}.position", f"{joint}.motor_position"
     difference = _difference(along, recording, index)
     if difference is None:
@@ -164,36 +166,28 @@ def _gap_of(along: Along, links: Array, recording: Recording, index: int) -> Gap
         index=index,
         joint=joint,
         difference=difference,
-        noise_floor=white * _noise_gain(along),
+        noise_floor=white * motion.low_pass.noise_gain,
         torques=_torques(along, links, index),
         steps=float(np.linalg.norm(steps)),
     )
 
 
-def _steps(along: Along, recording: Recording, channel: str) -> float:
+def _steps(along: MotionDynamics, recording: Recording, channel: str) -> float:
     """What an encoder's steps leave in its mean."""
-    sensor = sensor_of(along.robot, recording, channel)
+    sensor = sensor_of(along.model.robot, recording, channel)
     if sensor is not None:
         return steps_left(sensor.noise, sensor.resolution)
     return steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
 
 
-def _noise_gain(along: Along) -> float:
-    """rms of filtered over rms of white noise."""
-    low_pass = along.motion.low_pass
-    impulse = np.zeros(2 * IMPULSE_EDGES * max(low_pass.edge, 1) + 1)
-    impulse[impulse.size // 2] = 1.0
-    return float(np.linalg.norm(low_pass.smooth(impulse)))
-
-
-def _torques(along: Along, links: Array, index: int) -> dict[str, Array]:
+def _torques(along: MotionDynamics, links: Array, index: int) -> dict[str, Array]:
     """Torque through the gear, from each side.
 
     `link`: what the links need by inverse dynamics. It misses friction behind the gear and whatever the
     model of the links misses. `motor`: measured torque less what accelerates the rotor. It misses friction
     in front of the gear.
     """
-    motion, actuator = along.motion, along.joints[index].actuator
+    motion, actuator = along.motion, along.model.robot.moving_joints[index].actuator
     torques = {"link": links[:, index]}
     if np.isfinite(motion.torque[:, index]).all():
         rotor = actuator.reflected_inertia if actuator else 0.0

@@ -6,15 +6,13 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import wrightomega
+
+from missing_physics.inference.kept import STEP
 
 __all__ = ["dahl", "lagging"]
 
 Array = NDArray[np.float64]
-
-#: Step of the derivatives by size and height, as a part of the size: far above rounding.
-STEP = 1e-3
-#: Newton passes for a step of the exact law at most, and the relative error that ends them.
-PASSES, SETTLED = 50, 1e-12
 
 
 def dahl(drive: Array, travel: float, height: float = 0.0) -> Array:
@@ -35,23 +33,16 @@ def dahl(drive: Array, travel: float, height: float = 0.0) -> Array:
 
 
 def _stepped(z: float, change: float, travel: float, height: float) -> float:
-    """With w = 1 - z s: -travel log(w+/w) + height (w - w+) = |change|, solved for w+."""
+    """With w = 1 - z s: -travel log(w+/w) + height (w - w+) = |change|, solved for w+ by Wright's omega."""
     side = 1.0 if change > 0 else -1.0
     before = 1.0 - z * side
     if before <= 0.0:
         return z
-    if not height:
+    ratio = height / travel
+    if not ratio:
         return side * (1.0 - before * math.exp(-abs(change) / travel))
-    # In u = log(w+) it is decreasing and concave, and the start lies beyond its root: Newton falls to it.
-    top = math.log(before)
-    u = top - abs(change) / (travel + height * before)
-    for _ in range(PASSES):
-        after = math.exp(u)
-        excess = travel * (top - u) + height * (before - after) - abs(change)
-        u += excess / (travel + height * after)
-        if abs(excess) < SETTLED * abs(change):
-            break
-    return side * (1.0 - math.exp(u))
+    exponent = math.log(ratio) + math.log(before) + ratio * before - abs(change) / travel
+    return side * (1.0 - float(wrightomega(exponent)) / ratio)
 
 
 def lagging(torque: Array, size: float, height: float) -> Array:

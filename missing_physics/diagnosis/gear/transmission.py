@@ -7,49 +7,42 @@ The gap ``position - motor_position`` of every joint that has both is compared w
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from missing_physics.answer.answer import dismissed, rung
 from missing_physics.answer.locate import BEYOND_NOISE, p_value_of
-from missing_physics.diagnosis.dynamics.along import Along
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.diagnosis.further.errors import beyond_noise, errors_of, fits_of, series_of
+from missing_physics.diagnosis.further.findings import findings_of
+from missing_physics.diagnosis.further.merge import Further
 from missing_physics.diagnosis.gear.candidates import SEEN_CYCLE
 from missing_physics.diagnosis.gear.data import GapData
-from missing_physics.diagnosis.gear.findings import channel_fits, channel_of, findings_of, rms_of, series_of
-from missing_physics.diagnosis.gear.gap import Gap, gaps_of
+from missing_physics.diagnosis.gear.findings import channels_of, reading_of
+from missing_physics.diagnosis.gear.gap import gaps_of
 from missing_physics.diagnosis.gear.laws import ELASTICITY, HYSTERESIS
 from missing_physics.inference import Fit, search, weighed
 from missing_physics.inference.fit import residuals
 from missing_physics.results.comparison import AT_NOISE
-from missing_physics.results.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
+from missing_physics.results.result import Finding, Mismatch
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import Recording, Robot
 
 __all__ = ["TransmissionResult", "diagnose_transmission", "listed_gears"]
 
+Array = NDArray[np.float64]
 
-@dataclass(frozen=True)
-class TransmissionResult:
+
+class TransmissionResult(Further):
     """What the gaps of all joints with two encoders say.
 
-    Attributes:
-        mismatch: one for each joint whose gap exceeds the encoders' noise, channel `JOINT.position`; shares
-            are parts of the whitened energy of all gaps.
-        findings: named causes, joint by joint.
-        fit: errors by channel `JOINT.position - JOINT.motor_position`; offsets between encoders are free.
-        could_not_tell: sentences.
-        ladder: every cause that was weighed.
-        series: measured gap, no gap, explained gap.
+    Mismatches are of channels `JOINT.position`, errors of `JOINT.position - JOINT.motor_position`, whose
+    offsets are free.
     """
-
-    mismatch: tuple[Mismatch, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    fit: dict[str, ChannelFit] = field(default_factory=dict)
-    could_not_tell: tuple[str, ...] = ()
-    ladder: tuple[Rung, ...] = ()
-    series: tuple[ChannelSeries, ...] = ()
 
 
 def diagnose_transmission(
@@ -57,7 +50,7 @@ def diagnose_transmission(
     recordings: Sequence[Recording],
     validation: Sequence[Recording] = (),
     *,
-    along: Sequence[Along],
+    along: Sequence[MotionDynamics],
     progress: Callable[[str], None] | None = None,
 ) -> TransmissionResult | None:
     """Name what makes the two encoders of a joint differ.
@@ -84,21 +77,33 @@ def diagnose_transmission(
         progress("weighing what lies between motors and joints")
     found = search(GapData.of(robot, gaps, len(recordings)), progress)
     data, posterior = found.data, weighed(found)
-    standard, answer = found.standard, posterior.answer
-    findings = findings_of(found, posterior)
+    answer, findings = posterior.answer, findings_of(found, posterior, reading_of(data))
+    before, after = ([residuals(data, fit, i) for i in range(len(gaps))] for fit in (found.standard, answer))
+    channels = channels_of(data)
     return TransmissionResult(
-        mismatch=tuple(_located(data, standard)),
+        mismatch=tuple(_located(data, before)),
         findings=findings,
-        fit=dict(channel_fits(data, standard, answer)),
+        fit=fits_of(data, channels, before, after),
         could_not_tell=(
-            *(s for k in range(data.size.size) for s in _open_questions(data, answer, findings, k)),
+            *(s for k in range(data.size.size) for s in _open_questions(data, answer, after, findings, k)),
             *_common_delay(findings),
             *dismissed(found, findings),
             *known,
         ),
         ladder=tuple(rung(found, step) for step in found.steps),
-        series=tuple(series_of(data, standard, answer)),
+        series=series_of(data, channels, before, before, after, partial(_shown, data)),
     )
+
+
+def _shown(data: GapData, run: int, k: int) -> dict[str, Any]:
+    """Of one gap in one recording, for its series."""
+    gap, motion = data.gaps[run][k], data.gaps[run][k].along.motion
+    return {
+        "recording": motion.source,
+        "position": gap.position[motion.kept],
+        "velocity": gap.velocity[motion.kept],
+        "variable_units": (gap.unit, f"{gap.unit}/s"),
+    }
 
 
 def listed_gears(robot: Robot) -> tuple[str, ...]:
@@ -110,33 +115,26 @@ def listed_gears(robot: Robot) -> tuple[str, ...]:
 KNOWN = "the robot file says what its gear does, and what lies between its encoders was not weighed again."
 
 
-def _located(data: GapData, standard: Fit) -> Iterator[Mismatch]:
+def _located(data: GapData, left: Sequence[Array]) -> Iterator[Mismatch]:
     """The gaps that encoders' noise does not explain, largest share first."""
-    left = np.concatenate([residuals(data, standard, i)[data.rows_seen(i)] for i in range(data.fitted)])
-    rms = np.sqrt(np.mean(left**2, axis=0))
-    floor = np.maximum(np.hypot(data.noise, data.error), 1e-300)
-    shares = (rms / floor) ** 2 / max(float(np.sum((rms / floor) ** 2)), 1e-300)
-    for k in np.argsort(-shares):
-        gap, p_value = data.gaps[0][k], p_value_of(left[:, k], float(floor[k]))
-        if p_value < BEYOND_NOISE:
-            words = (
-                f"{gap.joint}: its encoder and its motor's differ by {rms[k]:.3g} {_unit(gap)} rms about a "
-                f"constant, where the encoders' noise makes {data.noise[k]:.2g} {_unit(gap)}."
-            )
-            yield Mismatch(gap.joint, f"{gap.joint}.position", float(shares[k]), p_value, words=words)
+    for k, rms, _, share, p_value in beyond_noise(data, left[: data.fitted]):
+        gap = data.gaps[0][k]
+        words = (
+            f"{gap.joint}: its encoder and its motor's differ by {rms:.3g} {gap.unit} rms about a constant, "
+            f"where the encoders' noise makes {data.noise[k]:.2g} {gap.unit}."
+        )
+        yield Mismatch(gap.joint, f"{gap.joint}.position", share, p_value, words=words)
 
 
-def _unit(gap: Gap) -> str:
-    return "m" if gap.is_prismatic else "rad"
-
-
-def _open_questions(data: GapData, answer: Fit, findings: Sequence[Finding], k: int) -> Iterator[str]:
-    """What the data of one joint leave open."""
-    gap, unit = data.gaps[0][k], _unit(data.gaps[0][k])
+def _open_questions(
+    data: GapData, answer: Fit, left: Sequence[Array], findings: Sequence[Finding], k: int
+) -> Iterator[str]:
+    """What the data of one joint leave open, of which an answer leaves so much."""
+    gap, unit = data.gaps[0][k], data.gaps[0][k].unit
     joint, here = gap.joint, [term for term in answer.hypothesis.terms if term.at == gap.joint]
     stated = {f.effect for f in findings if f.location.split(".")[0] == joint}
     yield (
-        f"{joint}: the mean difference of the encoders, {data.offsets[k]:.3g} {unit}, was left free: a zero "
+        f"{joint}: the mean difference of the encoders, {data.start[k]:.3g} {unit}, was left free: a zero "
         "error and wind-up under a constant load look the same."
     )
     spring = next((t for t in here if t.effect in (ELASTICITY, HYSTERESIS)), None)
@@ -164,20 +162,18 @@ def _open_questions(data: GapData, answer: Fit, findings: Sequence[Finding], k: 
                     "flanks would not show."
                 )
     travel = max(float(np.ptp(own[k].position)) for own in data.gaps[: data.fitted])
-    if not gap.is_prismatic and travel < SEEN_CYCLE and "encoder_eccentricity" not in stated:
+    if not gap.is_prismatic and travel < 2.0 * np.pi * SEEN_CYCLE and "encoder_eccentricity" not in stated:
         yield (
             f"{joint}: an eccentric disc of the joint's encoder cannot be seen in "
             f"{np.degrees(travel):.0f} degrees of a turn; it would look like a gain error or a slow curve "
             "over position."
         )
-    after, floor = rms_of(data, answer, k), float(np.hypot(data.noise[k], data.error[k]))
-    unseen = np.concatenate(
-        [residuals(data, answer, i)[~data.rows_seen(i), k] for i in range(len(data.gaps))]
-    )
+    after, floor = errors_of(data, left, k), float(np.hypot(data.noise[k], data.error[k]))
+    unseen = np.concatenate([own[~data.rows_seen(i), k] for i, own in enumerate(left)])
     if after.validation_rms > AT_NOISE * floor and p_value_of(unseen, floor) < BEYOND_NOISE:
         yield (
-            f"{channel_of(joint)}: {after.validation_rms:.3g} {unit} rms remain on held-out data against "
-            f"{data.noise[k]:.2g} {unit} of encoder noise, and nothing that was tried explains it."
+            f"{channels_of(data)[k].name}: {after.validation_rms:.3g} {unit} rms remain on held-out data "
+            f"against {data.noise[k]:.2g} {unit} of encoder noise, and nothing that was tried explains it."
         )
 
 

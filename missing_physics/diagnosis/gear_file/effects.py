@@ -9,6 +9,7 @@ import numpy as np
 
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, listed_gears
 from missing_physics.results.result import Finding
+from missing_physics.standard.model import use_of
 from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Joint, Robot
@@ -20,8 +21,6 @@ __all__ = ["FoundGears", "found_gears", "found_sensors", "yielding"]
 FLANKS = 2 * np.pi * 200.0
 #: And this part of critical damping.
 FLANKS_DAMPING = 0.1
-#: Digits of a number in a robot file.
-DIGITS = 8
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def yielding(robot: Robot, gap: TransmissionResult | None) -> tuple[str, ...]:
 def found_sensors(findings: Sequence[Finding]) -> tuple[EffectUse, ...]:
     """Those of the findings that encoders err by, as effects."""
     return tuple(
-        EffectUse(effect=f.effect, at=f.location, **dict(_values(f)))
+        use_of(f.effect, f.location, dict(_values(f)))
         for f in findings
         if isinstance(get_effect(f.effect), SensorEffect)
     )
@@ -110,7 +109,7 @@ def _written(joint: Joint, own: Mapping[str, Finding]) -> tuple[list[EffectUse],
                     f"backlash at {joint.name}: the stiffness of its flanks is not told; the augmented robot "
                     f"file assumes {values['stiffness']:.3g} and damping of {values['damping']:.3g}."
                 )
-            uses.append(EffectUse(effect=effect, at=joint.name, **values))
+            uses.append(use_of(effect, joint.name, values))
     return uses, words
 
 
@@ -120,7 +119,7 @@ def _values(finding: Finding) -> Iterator[tuple[str, float]]:
     for p in effect.parameters:
         if p.name in finding.parameters:
             value = finding.parameters[p.name].value
-            yield p.name, _rounded(float(np.clip(value, p.lower, p.upper)))
+            yield p.name, float(np.clip(value, p.lower, p.upper))
 
 
 def _flanks(joint: Joint) -> dict[str, float]:
@@ -128,11 +127,6 @@ def _flanks(joint: Joint) -> dict[str, float]:
     assert actuator is not None
     inertia = actuator.gear_ratio**2 * actuator.rotor_inertia
     return {
-        "stiffness": _rounded(inertia * FLANKS**2),
-        "damping": _rounded(2 * FLANKS_DAMPING * inertia * FLANKS),
+        "stiffness": inertia * FLANKS**2,
+        "damping": 2 * FLANKS_DAMPING * inertia * FLANKS,
     }
-
-
-def _rounded(value: float) -> float:
-    """A number with as many digits as a robot file gets."""
-    return float(f"{value:.{DIGITS}g}")

@@ -21,23 +21,18 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
 from missing_physics.diagnosis.motion.low_pass import LowPass
+from missing_physics.evaluation.joint_motion import SIGN_UNCERTAINTY, SLOWEST
+from missing_physics.standard.band import HIGHEST, LOWEST, WIDER, WIDEST, position_channel, velocity_noise_of
 from reference_model.control.laws import sample_time
-from robot_model import InputError, Recording, Robot
+from robot_model import Recording, Robot
 
-__all__ = ["LOWEST_CUTOFF", "Motion", "estimate_motion"]
+__all__ = ["Motion", "estimate_motion"]
 
 Array = NDArray[np.float64]
 
-#: The cut-off stays below this part of the lowest sampling rate: the motion's own smoother has room above.
-HIGHEST_CUTOFF = 0.08
-#: and above this frequency [Hz], or the motion itself is lost.
-LOWEST_CUTOFF = 2.0
-#: The motion's own smoother reaches this much higher, at most to this part of the positions' rate, and only
-#: as far as the velocity's noise stays below this part of the largest speed.
-WIDER = 5.0
-WIDEST = 0.25
+#: The motion's own smoother is wider only as far as the velocity's noise stays below this part of the largest
+#: speed.
 SIGN_KNOWN = 2e-3
-WIDENINGS = 10
 #: Position noise may make this part of a joint's rms torque.
 NOISE_PART = 1e-2
 
@@ -84,7 +79,13 @@ class Motion:
     @property
     def velocity_noise(self) -> Array:
         """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
-        return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff)
+        return velocity_noise_of(self.position_noise, self.low_pass.rate, self.motion_cutoff)
+
+    @property
+    def transition(self) -> Array:
+        """Speed below which the sign of the smoothed velocity is not known [rad/s or m/s], shape (n,)."""
+        least = np.maximum(SLOWEST * np.abs(self.velocity).max(axis=0), 1e-9)
+        return np.maximum(SIGN_UNCERTAINTY * self.velocity_noise, least)
 
     def moved(self, more: Array) -> Motion:
         """The motion with a change of the recorded positions, which is smoothed as they are, shape (N, n)."""
@@ -98,9 +99,14 @@ class Motion:
         )
 
     @property
+    def kept(self) -> slice:
+        """Samples that `LowPass.reduce` keeps."""
+        return self.low_pass.kept(self.time.size)
+
+    @property
     def reduced_time(self) -> Array:
-        """Instants of the samples that `LowPass.reduce` keeps [s]."""
-        return self.time[self.low_pass.kept(self.time.size)]
+        """Their instants [s]."""
+        return self.time[self.kept]
 
 
 def estimate_motion(
@@ -124,7 +130,7 @@ def estimate_motion(
         InputError: a joint's position is absent, or too few samples.
     """
     names = [joint.name for joint in robot.moving_joints]
-    channels = [_position_channel(recording, name) for name in names]
+    channels = [position_channel(robot, recording, name) for name in names]
     sources = [actuator_torque(robot, recording, name)[0] for name in names]
     core = [*channels, *(source for source in sources if source)]
     clock = Clock.of(recording, core)
@@ -138,7 +144,7 @@ def estimate_motion(
             for name, source in zip(names, sources)
         ]
     )
-    highest = HIGHEST_CUTOFF * slowest
+    highest = HIGHEST * slowest
     chosen = cutoff
     if chosen is None:
         chosen = _cutoff(time, torque, raw, inertia, position_noise, highest=highest)
@@ -173,16 +179,6 @@ def estimate_motion(
         others={channel: clock.values(channel) for channel in others},
         left_out=clock.left_out,
         drive=drive,
-    )
-
-
-def _position_channel(recording: Recording, joint: str) -> str:
-    for quantity in ("motor_position", "position"):
-        if f"{joint}.{quantity}" in recording:
-            return f"{joint}.{quantity}"
-    raise InputError(
-        f"{recording.source or 'the recording'} has neither {joint}.position nor {joint}.motor_position; "
-        "a diagnosis needs the position of every moving joint (use --map to name its source)."
     )
 
 
@@ -245,7 +241,7 @@ def _cutoff(
     White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f.
     """
     rate = float(1.0 / (time[1] - time[0]))
-    slow = LowPass(rate, min(LOWEST_CUTOFF, highest)).smooth(raw)
+    slow = LowPass(rate, min(LOWEST, highest)).smooth(raw)
     chosen = highest
     for column in range(torque.shape[1]):
         series = torque[:, column]
@@ -256,12 +252,7 @@ def _cutoff(
         allowed = (NOISE_PART * float(np.sqrt(np.mean(series**2)))) ** 2
         density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
         chosen = min(chosen, float((5.0 * allowed / density) ** 0.2))
-    return float(np.clip(chosen, min(LOWEST_CUTOFF, highest), highest))
-
-
-def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
-    """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
-    return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
+    return float(np.clip(chosen, min(LOWEST, highest), highest))
 
 
 def _motion_cutoff(
@@ -278,12 +269,9 @@ def _motion_cutoff(
     it; the noise it lets through is taken out again by the filter that all torques pass.
     """
     speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate
-    wide = min(WIDER * cutoff, widest)
-    for _ in range(WIDENINGS):
-        if np.all(_velocity_noise(position_noise, rate, wide) <= SIGN_KNOWN * speed) or wide <= cutoff:
-            break
-        wide /= 1.25
-    return max(wide, cutoff)
+    noise = velocity_noise_of(position_noise, rate, 1.0)  # which grows as the power 3/2 of the cut-off
+    known = [(SIGN_KNOWN * v / own) ** (2 / 3) for v, own in zip(speed, noise) if own > 0.0]
+    return max(min(WIDER * cutoff, widest, *known), cutoff)
 
 
 def _derivatives(time: Array, values: Array) -> tuple[Array, Array, Array]:

@@ -7,19 +7,16 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, signal
+from scipy import fft
+
+from missing_physics.evaluation.band import ORDER, SPOILED_PERIODS, continued, low_passed
+from missing_physics.standard.band import SAMPLES_PER_PERIOD
 
 __all__ = ["LowPass"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-#: Order of the Butterworth filter, applied forward and backward.
-FILTER_ORDER = 4
-#: Samples kept per period of the cut-off.
-SAMPLES_PER_PERIOD = 4
-#: Periods of the cut-off left out at each end, where the filter has no past or no future.
-EDGE_PERIODS = 2.0
 #: Numbers that are transformed at once.
 IN_CACHE = 65536
 
@@ -44,12 +41,24 @@ class LowPass:
     @property
     def edge(self) -> int:
         """Samples spoiled at each end."""
-        return int(EDGE_PERIODS * self.rate / self.cutoff)
+        return int(SPOILED_PERIODS * self.rate / self.cutoff)
+
+    @property
+    def independent(self) -> float:
+        """Independent samples in one that is kept: two in a period of the cut-off."""
+        return min(1.0, 2.0 * self.cutoff * self.stride / self.rate)
+
+    @property
+    def noise_gain(self) -> float:
+        """rms of filtered over rms of white noise."""
+        half = max(3 * self.edge, 1)  # after which the filter has settled
+        impulse = np.zeros(2 * half + 1)
+        impulse[half] = 1.0
+        return float(np.linalg.norm(self.smooth(impulse)))
 
     def smooth(self, values: Array) -> Array:
         """Filter along the first axis."""
-        sections = _sections(self.rate, self.cutoff)
-        return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=self._pad(len(values))))
+        return low_passed(values, rate=self.rate, cutoff=self.cutoff)
 
     def reduce(self, values: Array) -> Array:
         """Filter along the first axis, drop the spoiled ends and keep every `stride`-th sample.
@@ -62,7 +71,8 @@ class LowPass:
         count = len(range(samples)[kept])
         if every == 1 or count == 0:
             return self.smooth(values)[kept]
-        pad, still = self._pad(samples), 3 * self.edge  # its ends odd, then still, as `smooth` has them
+        # Its ends are odd, then still, as `smooth` has them.
+        pad, still = continued(samples, rate=self.rate, cutoff=self.cutoff), 3 * self.edge
         before = pad + still + -(pad + still + kept.start) % every
         instants = fft.next_fast_len(-(-(before + samples + pad + still) // every), real=True)
         gains = _gains(self.rate, self.cutoff, every, instants)
@@ -83,19 +93,9 @@ class LowPass:
             found[:, start : start + some] = fft.irfft(passed, instants, axis=0)[first : first + count]
         return found.reshape(count, *values.shape[1:])
 
-    def _pad(self, samples: int) -> int:
-        """By how many samples the ends are continued."""
-        return min(samples - 1, 3 * self.edge + 10)
-
     def kept(self, samples: int) -> slice:
         """Which of `samples` are kept."""
         return slice(self.edge, max(self.edge, samples - self.edge), self.stride)
-
-
-@lru_cache(maxsize=64)
-def _sections(rate: float, cutoff: float) -> Array:
-    """The filter's second-order sections; their design takes as long as filtering thousands of samples."""
-    return np.asarray(signal.butter(FILTER_ORDER, cutoff, fs=rate, output="sos"))
 
 
 @lru_cache(maxsize=64)
@@ -107,6 +107,6 @@ def _gains(rate: float, cutoff: float, every: int, instants: int) -> Complex:
     """
     length = instants * every
     warped = np.tan(np.arange(length // 2 + 1) * np.pi / length) / np.tan(np.pi * cutoff / rate)
-    response = fft.irfft(1.0 / (1.0 + warped ** (2 * FILTER_ORDER)), length)
+    response = fft.irfft(1.0 / (1.0 + warped ** (2 * ORDER)), length)
     lags = every * np.arange(instants)[:, None] - np.arange(every)
     return np.asarray(fft.rfft(response[lags % length], axis=0))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses.term import Term
+from missing_physics.inference.kept import Kept
 from missing_physics.inference.torques.coupled import behind_motors
 from missing_physics.inference.torques.links import of_link
 from missing_physics.inference.torques.pushes import on_base
@@ -33,10 +34,8 @@ SIDES = 3
 LEAST = 0.05
 #: Place of the torque among the signals of a joint.
 TORQUE = JointSignals.CHANNELS.index("torque")
-#: A torque counts as cut where at least this part of it is missing.
+#: A torque counts as cut where at least this part of it is missing [-]: more than the law's corner takes.
 CUT = 0.01
-#: Most numbers in the cached columns of terms: 256 MB.
-KEPT = 32_000_000
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,11 @@ class _Columns:
     straight: Array
     acts: Places
     values: Array
+
+    @property
+    def size(self) -> int:
+        """How many numbers they are."""
+        return self.values.size
 
     def moved(self, straight: Array) -> _Columns:
         """The columns for other values of the linear parameters, where all parameters are linear."""
@@ -71,8 +75,7 @@ class KeptColumns:
 
     def __init__(self, runs: Sequence[Run]) -> None:
         self._runs = runs
-        self._kept: dict[tuple[object, ...], _Columns] = {}
-        self._size = 0
+        self._kept = Kept[_Columns]()
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
         """The joints at which a term acts, and its columns there, zero where nothing is compared.
@@ -87,7 +90,8 @@ class KeptColumns:
         kept = self._known(term, run)
         if kept is None:
             self.prepare([term], run)
-            kept = self._kept[_key(term, run)]
+            kept = self._kept.get(_key(term, run))
+            assert kept is not None
         return kept.acts, kept.values
 
     def prepare(self, terms: Sequence[Term], run: int) -> None:
@@ -96,7 +100,7 @@ class KeptColumns:
         made = _columns_of_each(tuple(missing.values()), self._runs[run], run)
         for (key, term), (acts, values) in zip(missing.items(), made):
             counted = self._runs[run].rows.counted[:, acts, None]
-            self._keep(key, _Columns(_straight(term), acts, np.where(counted, values, 0.0)))
+            self._kept.keep(key, _Columns(_straight(term), acts, np.where(counted, values, 0.0)))
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
         """Sum of the torques of terms in one recording, zero where nothing is compared, shape (K, n)."""
@@ -122,14 +126,6 @@ class KeptColumns:
         if not all(map(term.is_linear, term.free)):  # derivatives by the others scale with these
             return None
         return kept.moved(straight)
-
-    def _keep(self, key: tuple[object, ...], columns: _Columns) -> None:
-        """Cache columns, and drop the oldest ones where they are too many."""
-        self._size -= self._kept.pop(key).values.size if key in self._kept else 0
-        self._kept[key] = columns
-        self._size += columns.values.size
-        while self._size > KEPT and len(self._kept) > 1:
-            self._size -= self._kept.pop(next(iter(self._kept))).values.size
 
 
 def _key(term: Term, run: int) -> tuple[object, ...]:

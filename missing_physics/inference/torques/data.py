@@ -39,13 +39,11 @@ __all__ = ["TorqueData"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Standard deviations of the priors of delays: of all torques due to holds and buses [samples]; of single
-#: joints the same, plus that due to filters in their drives [s], whose cut-offs are some tens of Hz.
-OFFSET, FILTER = 1.0, 5e-3
+#: Standard deviation of the prior of the delay that filters in the drive of a single joint make [s]: their
+#: cut-offs are some tens of Hz. Holds and buses make one of a sample at all joints.
+FILTER = 5e-3
 #: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
 SAME = 0.05
-#: Lower bound of torque scales [N m or N], which keeps parameter scales finite where a channel is zero.
-SMALLEST = 1e-12
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,7 +75,8 @@ class TorqueData(Data):
         blocks = blocks_of([run.rows.counted for run in runs], fitted)
         squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
-        torque = np.maximum(torque, max(1e-9 * float(torque.max()), SMALLEST))
+        # A channel that is zero throughout has a scale, too.
+        torque = np.maximum(torque, max(1e-9 * float(torque.max()), np.finfo(float).eps))
         step = 1.0 / runs[0].motion.sampling
         driven = np.any([run.driven for run in runs], axis=0)
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
@@ -89,6 +88,11 @@ class TorqueData(Data):
             designs=_designs(runs),
             blocks=blocks,
             size=torque,
+            noise=np.sqrt(np.mean([run.rows.noise**2 for run in runs], axis=0)),
+            error=MODEL_ERROR * torque,
+            independent=float(min(1.0, 2.0 * runs[0].motion.cutoff * np.diff(runs[0].rows.time[:2])[0])),
+            robot=standard.nominal,
+            joints=tuple(runs[0].model.joints),
             given=given,
             standard=standard,
             runs=runs,
@@ -161,12 +165,6 @@ class TorqueData(Data):
         """Whether links bend, so that torques are not linear in the bodies."""
         return self.runs[0].along.inner is not None
 
-    @property
-    def independent(self) -> float:
-        """Independent samples in a row: a low-pass passes two in a period of its cut-off."""
-        run = self.runs[0]
-        return float(min(1.0, 2.0 * run.motion.cutoff * (run.rows.time[1] - run.rows.time[0])))
-
     def late(self, numbers: Array) -> Array:
         """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
         first = self.filed.size - self.size.size - 1
@@ -194,21 +192,6 @@ class TorqueData(Data):
             self._targets[run] = np.where(own.rows.counted, own.torque + late, 0.0)
         return self._targets[run]
 
-    @cached_property
-    def error(self) -> Array:
-        """Error of the model itself, which no hypothesis explains, rms at each joint, shape (n,)."""
-        return MODEL_ERROR * self.size
-
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the moving joints."""
-        return tuple(self.runs[0].model.joints)
-
-    @property
-    def robot(self) -> Robot:
-        """The nominal robot."""
-        return self.standard.nominal
-
     @property
     def sigma(self) -> Array:
         """rms residual of the standard model at each joint, shape (n,)."""
@@ -218,11 +201,6 @@ class TorqueData(Data):
     def width(self) -> float:
         """Relative width of the prior of bodies that the standard model chose."""
         return self.standard.estimate.width
-
-    @cached_property
-    def noise(self) -> Array:
-        """rms at each joint that sensors leave of the torques [N m or N], shape (n,)."""
-        return np.sqrt(np.mean([run.rows.noise**2 for run in self.runs], axis=0))
 
     @property
     def timing(self) -> tuple[str, ...]:
@@ -305,7 +283,7 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
     offsets = [base.names.index(f"{joint}.offset") for joint in joints]
     slides = [bool(base.free[place] and moved) for place, moved in zip(offsets, driven)]
     free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
-    width = np.array([OFFSET * step, *[np.hypot(OFFSET * step, FILTER)] * len(joints)])
+    width = np.array([step, *[np.hypot(step, FILTER)] * len(joints)])
     return Layout(
         names=(*base.names, TIMING, *(f"{joint}.{TIMING}" for joint in joints)),
         start=np.concatenate([base.start, np.zeros(free.size)]),

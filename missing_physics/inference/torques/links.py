@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses.term import Term
+from missing_physics.inference.kept import step_of
 from missing_physics.inference.torques.runs import Run
 from missing_physics.standard.prediction import Along
 from reference_model.dynamics.tree import flexible_bodies
@@ -25,12 +26,6 @@ from robot_model import Robot
 __all__ = ["of_link"]
 
 Array = NDArray[np.float64]
-
-#: Step of a derivative by the parameter, as a part of its size or of a typical one: small beside the scale on
-#: which a resonance changes, large beside rounding.
-STEP = 1e-3
-#: Models that are kept: two effects at two links.
-KEPT = 4
 
 
 @dataclass(frozen=True)
@@ -59,7 +54,7 @@ def of_link(term: Term, effect: StructureEffect, run: Run) -> Array:
     if place is not None and run.along.inertial[place] != 0.0:
         slope = run.rows.inertial[:, :, place]
         return np.stack([slope * value, slope] if term.free else [slope * value], axis=2)
-    step = STEP * max(abs(value), p.typical)
+    step = step_of(term, p)
     if place is not None:
         whole, more = (_with_number(run, place, each) for each in (value, value + step))
     else:
@@ -109,7 +104,7 @@ def _made(run: Run, effect: StructureEffect, link: str) -> _Unit:
     return _Unit((after - before) / p.typical, stiffness, damping)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache
 def _changed(robot: Robot, effect: StructureEffect, link: str) -> RobotModel:
     """The model with a typical change."""
     (p,) = effect.parameters

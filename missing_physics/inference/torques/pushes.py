@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from missing_physics.hypotheses.term import Term
+from missing_physics.inference.kept import step_of
 from missing_physics.inference.torques.runs import Run
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.pushing import BaseSignals, ForceAlong
@@ -14,9 +15,6 @@ from reference_model.effects.pushing import BaseSignals, ForceAlong
 __all__ = ["on_base"]
 
 Array = NDArray[np.float64]
-
-#: Step of a derivative by a parameter that is not linear, as a part of its size or of a typical one.
-STEP = 1e-3
 
 
 def on_base(term: Term, effect: ForceEffect, run: Run) -> Array:
@@ -29,7 +27,7 @@ def on_base(term: Term, effect: ForceEffect, run: Run) -> Array:
     columns = [pushed.wrench(signals, term.parameters)]
     for p in term.free:
         value = term.parameters[p.name]
-        step = p.typical if p.linear else STEP * max(abs(value), p.typical)
+        step = p.typical if p.linear else step_of(term, p)
         moved = pushed.wrench(signals, {**term.parameters, p.name: value + step})
         columns.append((moved - columns[0]) / step)
     rows = np.zeros((len(signals.time), run.model.rows, len(columns)))

@@ -287,3 +287,11 @@ def test_an_encoder_that_flickers_between_steps_shows_no_motion() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     rests = 1e-3 * chance.integers(0, 3, len(made))
     assert kinds(judged(made.with_channels({"joint2.position": rests}))) == {"joint2": "no_motion"}
+
+
+def test_a_reversal_takes_what_the_smoother_of_the_motion_remembers() -> None:
+    """Less than a tenth of the samples of a motion that reverses every 1.7 s."""
+    swing = hardly(0.05 * np.sin(2 * np.pi * 0.3 * TIME), step=1e-6, torque_noise=1e-4)
+    drift = hardly(0.05 * TIME, step=1e-6, torque_noise=1e-4)
+    (reverses, _), (runs, _) = (judged(one, robot=AXIS).joints for one in (swing, drift))
+    assert 0.9 * runs.sure[0] < reverses.sure[0] < runs.sure[0]

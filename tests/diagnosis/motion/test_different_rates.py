@@ -12,8 +12,9 @@ from end_to_end_cases import ARM, CASES
 from numpy.random import default_rng
 
 from missing_physics.diagnosis import Options, diagnose
-from missing_physics.diagnosis.motion.estimate import HIGHEST_CUTOFF, Motion, estimate_motion
+from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
 from missing_physics.recordings import estimate_noise
+from missing_physics.standard.band import HIGHEST
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording
 
@@ -48,7 +49,7 @@ def test_a_slower_torque_keeps_all_samples_of_the_encoder_and_limits_the_cutoff(
     assert slow.time[0] == pytest.approx(0.002)
     recorded_there = made()[POSITION][2 : 2 + slow.time.size, None]
     np.testing.assert_allclose(slow.raw_position, recorded_there, rtol=1e-14)
-    assert slow.low_pass.cutoff == pytest.approx(HIGHEST_CUTOFF * FAST / 4)
+    assert slow.low_pass.cutoff == pytest.approx(HIGHEST * FAST / 4)
     exact = 95.0 * AXIS[0](slow.time)[2]
     inner = slice(50, -50)
     assert np.abs(slow.torque[inner, 0] - exact[inner]).max() < 1e-5 * np.ptp(exact)
@@ -58,7 +59,7 @@ def test_a_cutoff_that_is_asked_for_stays_below_what_the_slower_channel_holds() 
     found = estimate_motion(
         ROBOT, thinned(made(), {TORQUE: (4, 0)}), inertia=np.array([95.0]), noise={}, cutoff=70.0
     )
-    assert found.low_pass.cutoff == pytest.approx(HIGHEST_CUTOFF * FAST / 4)
+    assert found.low_pass.cutoff == pytest.approx(HIGHEST * FAST / 4)
 
 
 def test_noise_of_an_interpolated_channel_keeps_its_density() -> None:

@@ -1,0 +1,1 @@
+"""What sensors beside those of torque say: findings, errors, and how they join the diagnosis."""

@@ -1,0 +1,128 @@
+"""One diagnosis of two: of the joint torques, and of further sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
+
+from missing_physics.results.result import (
+    ChannelFit,
+    ChannelSeries,
+    Diagnosis,
+    Finding,
+    Fit,
+    Mismatch,
+    Result,
+    Rung,
+    Verdict,
+)
+from reference_model.effects.base import SensorEffect
+from reference_model.effects.catalogue import get_effect
+from robot_model import EffectUse, Robot, robot_from_toml, robot_to_toml
+
+__all__ = ["Further", "joined", "written_with"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Further:
+    """What further sensors say.
+
+    Attributes:
+        mismatch: one for each channel in which rows exceed what noise makes of the robot file; shares are
+            parts of the whitened energy of all of them.
+        findings: named causes.
+        fit: errors by channel.
+        could_not_tell: sentences.
+        ladder: every cause that was weighed.
+        series: what was measured, and what the robot file makes of it without and with what was named.
+    """
+
+    mismatch: tuple[Mismatch, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    fit: Mapping[str, ChannelFit] = field(default_factory=dict)
+    could_not_tell: tuple[str, ...] = ()
+    ladder: tuple[Rung, ...] = ()
+    series: tuple[ChannelSeries, ...] = ()
+
+
+def written_with(file: Robot, robot: Robot, uses: Sequence[EffectUse]) -> tuple[Robot, tuple[str, ...]]:
+    """A robot file with what was found besides, and what it cannot hold.
+
+    Args:
+        file: to which effects are added, but for those that it has.
+        robot: the nominal robot, whose sensors may err.
+        uses: what was found.
+    """
+    there = {(use.effect, use.at) for use in file.effects}
+    lacks = [
+        use
+        for use in uses
+        if isinstance(get_effect(use.effect), SensorEffect) and robot.sensor(use.at) is None
+    ]
+    new = [use for use in uses if use not in lacks and (use.effect, use.at) not in there]
+    return file.with_effects(*new), tuple(
+        f"{use.effect} at {use.at}: not in the augmented robot file: the robot file lists no sensor of that "
+        "channel."
+        for use in lacks
+    )
+
+
+def joined(
+    result: Result, more: Further, robot: Robot, uses: Sequence[EffectUse], *, first: bool = False
+) -> Result:
+    """`result` with what further sensors say, which is added to its robot file as well.
+
+    Args:
+        result: the diagnosis of the torques.
+        more: of the sensors; its findings take the place of the same ones of the torques.
+        robot: the nominal robot.
+        uses: its findings as effects.
+        first: whether it is told before what the torques say.
+    """
+    file, lacks = written_with(robot_from_toml(result.augmented_robot_toml), robot, uses)
+    before = result.diagnosis
+    verdict: Verdict = before.verdict
+    if verdict == "consistent" or (verdict == "not_enough_data" and (more.findings or more.mismatch)):
+        verdict = _verdict(more)
+    named = {(finding.effect, finding.location) for finding in more.findings}
+    others = tuple(f for f in before.findings if (f.effect, f.location) not in named)
+    mismatch, findings = (before.mismatch, more.mismatch), (others, more.findings)
+    diagnosis = replace(
+        before,
+        verdict=verdict,
+        mismatch=tuple(chain(*(reversed(mismatch) if first else mismatch))),
+        findings=tuple(chain(*(reversed(findings) if first else findings))),
+        fit=Fit({**before.fit.channels, **more.fit}, _improvement(before, more), before.fit.bands),
+        could_not_tell=(*before.could_not_tell, *more.could_not_tell, *lacks),
+    )
+    return replace(
+        result,
+        diagnosis=diagnosis,
+        series=(*result.series, *more.series),
+        ladder=(*result.ladder, *more.ladder),
+        augmented_robot_toml=robot_to_toml(file),
+    )
+
+
+def _improvement(torques: Diagnosis, more: Further) -> float:
+    """How much the held-out error falls: of these sensors where names lie only there, else of torques."""
+    if torques.findings or not more.findings:
+        return torques.fit.validation_improvement
+    named = {finding.location.split(".")[0] for finding in more.findings}
+    errors = [c for name, c in more.fit.items() if name.split(".")[0] in named and c.noise_floor > 0]
+    before, after = (
+        sum((part.validation_rms / c.noise_floor) ** 2 for c, part in pairs)
+        for pairs in ([(c, c.before) for c in errors], [(c, c.after) for c in errors])
+    )
+    return 1.0 - math.sqrt(after / before) if before > 0 else torques.fit.validation_improvement
+
+
+def _verdict(more: Further) -> Verdict:
+    explained = {finding.location.split(".")[0] for finding in more.findings}
+    if any(item.location.split(".")[0] not in explained for item in more.mismatch):
+        return "unexplained"
+    if not more.findings:
+        return "consistent"
+    return "ambiguous" if any(finding.ambiguous_with for finding in more.findings) else "explained"
