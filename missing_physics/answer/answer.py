@@ -36,6 +36,7 @@ from missing_physics.results.result import (
 from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
 from missing_physics.standard.bending import model_of
+from missing_physics.standard.layout import Information
 from missing_physics.standard.rows import common_band, rows_of, without_friction
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Recording, Robot, robot_to_toml, unit_of
@@ -53,6 +54,7 @@ def answered(
     cutoff: float | None = None,
     experiments: int | None = None,
     searched: Collection[str] = (),
+    beside: Information | None = None,
     progress: Said,
 ) -> tuple[Result, tuple[Recording, ...]]:
     """The diagnosis before errors of robot files are compared, and the recordings corrected for delays.
@@ -64,6 +66,7 @@ def answered(
         cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
         experiments: seed of the motions that are designed for what is ambiguous; none are when None.
         searched: ids of effects that other channels than torques were compared with.
+        beside: what other channels say of the bodies.
         progress: called with a phrase whenever something new is tried.
 
     Raises:
@@ -73,7 +76,7 @@ def answered(
     band = common_band(robot, [*recordings, *validation]) if cutoff is None else cutoff
     windows = [] if validation else _windows(robot, recordings, band)
     standard = fit_standard(robot, recordings, cutoff=band, held_out=windows)
-    data = TorqueData.of(standard, recordings, validation)
+    data = TorqueData.of(standard, recordings, validation, beside)
     progress("weighing hypotheses")
     found = search(data, progress)
     data = found.data

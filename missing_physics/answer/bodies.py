@@ -76,7 +76,7 @@ class Load:
 
 
 def without_bodies(data: TorqueData, hypothesis: Hypothesis) -> Hypothesis:
-    """The hypothesis with all bodies and rotors unknown to the file estimated, without effects on single ones."""
+    """The hypothesis with all bodies, and rotors unknown to the file, estimated; without effects on bodies."""
     terms = tuple(t for t in hypothesis.terms if not is_on_body(t.effect))
     return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES} - unstated(data))
 
@@ -169,6 +169,9 @@ class _Known:
         driven = np.any([run.driven for run in data.runs], axis=0)
         weight = np.where(driven, shares / (fit.sigma**2 + data.error**2), 0.0)
         gram, right = problem.total.weighted(weight)
+        if layout.beside is not None:
+            gram[np.ix_(layout.places_beside, layout.places_beside)] += layout.beside.matrix
+            right[layout.places_beside] += layout.beside.vector
         mine = np.concatenate([np.arange(place.start, place.stop) for place in places])
         others = np.setdiff1d(np.flatnonzero(layout.free), mine)
         held = np.setdiff1d(np.arange(len(layout.names)), np.concatenate([mine, others]))

@@ -13,6 +13,7 @@ from missing_physics.answer import answered
 from missing_physics.checks.stamps import on_even_clock
 from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis.base.file import with_base, without_base_effects
+from missing_physics.diagnosis.base.information import of_bodies
 from missing_physics.diagnosis.base.stage import diagnose_base
 from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
@@ -28,6 +29,7 @@ from missing_physics.diagnosis.known.gears import behind_gears
 from missing_physics.diagnosis.known.sensors import without_sensor_errors
 from missing_physics.diagnosis.options import Options
 from missing_physics.results.result import Result
+from missing_physics.standard.layout import Information
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["Options", "diagnose"]
@@ -82,7 +84,7 @@ def diagnose(
         still = without_base_effects(nominal, used, along, base)
         rigid = behind_gears(nominal, still, along, yielding(robot, gap))
         searched = () if base is None else base.searched
-        whole = _weighed(nominal, rigid, fitted, covered, chosen, searched, tell)
+        whole = _weighed(nominal, rigid, fitted, covered, chosen, searched, of_bodies(base), tell)
     if gap is not None:
         whole = with_transmission(whole, gap, robot)
     if base is not None:
@@ -110,6 +112,7 @@ def _weighed(
     covered: Coverage,
     options: Options,
     searched: Collection[str],
+    beside: Information | None,
     tell: Said,
 ) -> Result:
     """The diagnosis of the torques, compared with the standard model."""
@@ -121,6 +124,7 @@ def _weighed(
             cutoff=options.cutoff,
             experiments=options.seed if options.experiments else None,
             searched=searched,
+            beside=beside,
             progress=tell,
         )
     except np.linalg.LinAlgError:

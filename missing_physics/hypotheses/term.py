@@ -110,10 +110,9 @@ class Term:
 
         Of a term that is in the rows, their differences from the robot file.
         """
-        return tuple(
-            self.parameters[p.name] - (self.filed(p.name) if self.in_rows else 0.0) if self.is_linear(p) else 0.0
-            for p in self.free
-        )
+        values = self.parameters
+        begin = {p.name: self.filed(p.name) if self.in_rows else 0.0 for p in self.free}
+        return tuple(values[p.name] - begin[p.name] if self.is_linear(p) else 0.0 for p in self.free)
 
     def filed(self, name: str) -> float:
         """The robot file's value of a parameter of a term that the file has."""

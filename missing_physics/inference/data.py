@@ -195,8 +195,8 @@ class Data(ABC):
         """Parameters of the standard model where bodies include what terms add to them, shape (X,)."""
         return numbers
 
-    def is_near(self, one: Array, other: Array, terms: Sequence[Term]) -> bool:
-        """Whether rows linearised about the first parameters serve for the second with these terms, (X,) each."""
+    def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
+        """Whether rows linearised about the first parameters, (X,), serve for the second with these terms."""
         return True
 
     def cut(self, terms: Sequence[Term]) -> Array:

@@ -15,6 +15,7 @@ from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.standard.fit import FILE
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.normal import Normal, Places
+from reference_model.effects.base import BodyEffect
 
 __all__ = ["Problem", "rows_of"]
 
@@ -233,5 +234,6 @@ def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -
         width=np.concatenate([spread, width]),
         beams=base.beams,
         scale=np.concatenate([base.scale, np.zeros(len(each))]),
+        beside=None if any(isinstance(t.effect, BodyEffect) for t in hypothesis.terms) else base.beside,
     )
     return layout, start

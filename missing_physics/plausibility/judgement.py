@@ -41,7 +41,7 @@ def implausible(
 
 
 def _gravity(values: Mapping[str, float], robot: Robot) -> str:
-    """Credible gravity: on the ground, of the right size at any tilt; any in orbit or where the file has none.
+    """Credible gravity: of the right size at any tilt on the ground; any in orbit or if the file has none.
 
     Along the file's gravity a change shows only as far as masses are known, and is small where they are not.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.beam_numbers import POSITIVE
 from robot_model import Robot
 
-__all__ = ["Layout", "bodies_of", "is_known", "length_of"]
+__all__ = ["Information", "Layout", "bodies_of", "is_known", "length_of"]
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,22 @@ Array = NDArray[np.float64]
 MASSLESS = 1e-9
 #: Starting value of a non-negative parameter, as a part of its size: inside the feasible set.
 START = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Information about parameters from channels that are not compared: logarithm of a likelihood.
+
+    Attributes:
+        names: of the parameters.
+        matrix, vector: the logarithm is vector.x - x.matrix.x / 2, shapes (Q, Q) and (Q,).
+        is_off: whether it prefers bodies other than the robot file's.
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+    vector: Array
+    is_off: bool
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,7 @@ class Layout:
         beams: indices of the estimated numbers of beams, which are positive.
         scale: derivative of the bodies' common scale, which is one at the file's values, by all parameters,
             shape (X,); zero where torques determine it.
+        beside: what other channels say of the parameters; None where there are none.
     """
 
     names: tuple[str, ...]
@@ -54,6 +72,14 @@ class Layout:
     width: Array
     scale: Array
     beams: NDArray[np.int_]
+    beside: Information | None = None
+
+    @cached_property
+    def places_beside(self) -> NDArray[np.int_]:
+        """Where the parameters of `beside` are, shape (Q,)."""
+        return np.array(
+            [self.names.index(name) for name in self.beside.names] if self.beside else [], dtype=int
+        )
 
     @classmethod
     def of(cls, model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Layout:

@@ -231,8 +231,7 @@ class JointEffect(Effect):
     #: True when the contribution uses the actuator torque (so it is a matter of the actuator), unless only
     #: through a parameter that is not estimated and absent by default.
     uses_torque: ClassVar[bool] = False
-    #: True when it takes or adds a share of the actuator's torque, so that the actuator's torque is what makes
-    #: up for it.
+    #: True when it takes or adds a share of the actuator's torque, which makes up for it.
     shares_torque: ClassVar[bool] = False
     #: True when it cuts what a recorded torque commands, so that this has to be seen as it was recorded;
     #: other effects follow as well from what the motion needs, which has no noise.

@@ -24,7 +24,7 @@ from missing_physics.inference.torques.places import places
 from missing_physics.inference.torques.runs import Run, about, runs_of
 from missing_physics.standard import MODEL_ERROR, StandardModel
 from missing_physics.standard.fit import design_of
-from missing_physics.standard.layout import Layout
+from missing_physics.standard.layout import Information, Layout
 from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, is_friction
@@ -64,11 +64,16 @@ class TorqueData(Data):
 
     @classmethod
     def of(
-        cls, standard: StandardModel, recordings: Sequence[Recording], held_out: Sequence[Recording] = ()
+        cls,
+        standard: StandardModel,
+        recordings: Sequence[Recording],
+        held_out: Sequence[Recording] = (),
+        beside: Information | None = None,
     ) -> Self:
         """The rows of recordings in the band in which the standard model was fitted.
 
-        Where no recording is held out, a quarter of each one is (`held_out_windows`).
+        Where no recording is held out, a quarter of each one is (`held_out_windows`). Other channels may say
+        something of the bodies, `beside`.
         """
         runs = runs_of(standard, (*recordings, *held_out))
         fitted = len(recordings)
@@ -80,6 +85,7 @@ class TorqueData(Data):
         step = 1.0 / runs[0].motion.sampling
         driven = np.any([run.driven for run in runs], axis=0)
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
+        layout = replace(layout, beside=beside)
         filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
         given = tuple(_given(standard.nominal, dict(zip(layout.names, filed))))
         return cls(
@@ -136,12 +142,12 @@ class TorqueData(Data):
                     found[self.layout.names.index(name)] += term.values[0]
         return found
 
-    def is_near(self, one: Array, other: Array, terms: Sequence[Term]) -> bool:
+    def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
         """Whether recordings linearised about the first parameters serve for the second, shape (X,) each.
 
-        Torques are shifted by delays. A base and links that bend follow as the masses demand, and some effects are driven by the
-        torque that the motion needs: nearly alike where what differs changes the torques by less than the
-        noise and the model's own error.
+        Torques are shifted by delays. A base and links that bend follow as the masses demand, and some
+        effects are driven by the torque that the motion needs: nearly alike where what differs changes the
+        torques by less than the noise and the model's own error.
         """
         angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
         if angle >= SAME:
