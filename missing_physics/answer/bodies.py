@@ -76,7 +76,7 @@ class Load:
 
 
 def without_bodies(data: TorqueData, hypothesis: Hypothesis) -> Hypothesis:
-    """The hypothesis with all bodies, and rotors unknown to the file, estimated; without effects on bodies."""
+    """The hypothesis with all bodies and rotors unknown to the file estimated, without effects on bodies."""
     terms = tuple(t for t in hypothesis.terms if not is_on_body(t.effect))
     return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES} - unstated(data))
 
