@@ -12,7 +12,7 @@ from missing_physics.answer.guard import Guarded, guarded
 from missing_physics.hypotheses import BODIES, Term, not_credible
 from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
-from missing_physics.inference.ledger import ODDS, Search
+from missing_physics.inference.ledger import Search
 from missing_physics.inference.score import block_scores
 from missing_physics.inference.torques.data import TorqueData
 from reference_model.effects.catalogue import get_effect
@@ -53,9 +53,7 @@ def carried(found: Search[TorqueData], best: Fit, safe: Fit) -> Carried | None:
     named = [load for load in explained if load.effect]
     if not named or sum(load.probability for load in named) <= STATED:
         return None
-    top, as_filed = named[0], BODIES in best.hypothesis.filed
-    if top.effect != LOAD and as_filed:
-        return None  # the file's bodies predict as well as others
+    top = named[0]
     if top.effect != LOAD:
         return Carried(explained, safe) if all(is_real(data, safe, body) for body in top.bodies) else None
     term = Term.of(get_effect(top.effect), top.bodies[0], top.values)
@@ -68,7 +66,7 @@ def carried(found: Search[TorqueData], best: Fit, safe: Fit) -> Carried | None:
     if any(not_credible(t, data.standard.nominal, 0.0) for t in fit.hypothesis.terms if t.key == term.key):
         return None
     predicted = [float(block_scores(data, one, found.shares).sum()) for one in (fit, best)]
-    if predicted[0] < predicted[1] + (ODDS if as_filed else -AS_WELL):
+    if predicted[0] < predicted[1] - AS_WELL:
         return None
     guard = guarded(data, fit, found.standard)
     return Carried(explained, fit, guard if guard.fit is fit else None)

@@ -42,6 +42,30 @@ def test_a_load_is_named_with_its_mass_and_place(arm: Robot) -> None:
     assert found.verdict == "explained"
 
 
+def test_rotors_that_the_file_lacks_are_no_load(arm: Robot) -> None:
+    """As in every URDF: the first joint's rotor turns about the axis of the first link."""
+    bare = tuple(
+        joint.model_copy(update={"actuator": joint.actuator.model_copy(update={"rotor_inertia": 0.0})})
+        for joint in arm.joints
+        if joint.actuator is not None
+    )
+    found = diagnosed(arm.model_copy(update={"joints": bare}), arm.with_effects(LOAD))
+    named = {(f.effect, f.location) for f in found.findings}
+    assert ("payload", "link2") in named
+    assert not {at for effect, at in named if effect in ("payload", "inertia")} - {"link2"}
+
+
+def test_a_robot_that_is_mounted_askew_is_named(arm: Robot) -> None:
+    """Six degrees in the plane in which it moves, where an offset of the first encoder does the same."""
+    tilt = np.radians(6.0)
+    turned = (9.81 * np.sin(tilt), 0.0, -9.81 * np.cos(tilt))
+    found = diagnosed(arm, arm.model_copy(update={"gravity": tuple(map(float, turned))}))
+    [finding] = found.findings
+    names = {finding.effect, *(rival.split("@")[0] for rival in finding.ambiguous_with)}
+    assert "gravity" in names
+    assert names <= {"gravity", "sensor_offset"}
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_load_is_named_where_the_whole_file_is_off(arm: Robot, seed: int) -> None:
     random = np.random.default_rng(seed)

@@ -38,7 +38,8 @@ def test_every_row_is_of_the_catalogue_with_its_unit_and_narrower_than_it() -> N
         ("sensor_delay", "joint1.torque", {"delay": 0.03}, True),
         ("clock_drift", "joint1.torque", {"rate": -2e-3}, False),
         ("clock_drift", "joint1.torque", {"rate": 5e-4}, True),
-        ("gravity", "base", {"x": 0.6, "y": 0.0, "z": 0.0}, False),
+        ("gravity", "base", {"x": 1.7, "y": 0.0, "z": 0.15}, True),  # ten degrees askew
+        ("gravity", "base", {"x": 9.81, "y": 0.0, "z": 9.81}, True),  # on a wall
         ("gravity", "base", {"x": 0.0, "y": 0.0, "z": 5.0}, False),
         ("gravity", "base", {"x": 0.3, "y": 0.0, "z": 0.0}, True),
         ("coulomb_friction", "joint1", {"torque": 1e3}, True),

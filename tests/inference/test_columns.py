@@ -71,3 +71,26 @@ def test_linear_parameters_change_the_first_column_only(data: TorqueData, terms:
         0.0,
     )
     assert after == pytest.approx(fresh, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("gain", [0.13, -0.1])
+def test_a_gain_is_that_of_the_torque_that_makes_up_for_it(data: TorqueData, gain: float) -> None:
+    """The motion needs (1 + gain) u, so that u lacks gain / (1 + gain) of it."""
+    run = data.runs[0]
+    term = Term.of(get_effect("torque_gain"), "joint", {"gain_error": gain})
+    found = columns_of(term, run, 0)[:, 0]
+    needed = run.reduce_at(0, run.needed)[:, 0]
+    assert found[:, 0] == pytest.approx(-gain / (1.0 + gain) * needed, rel=1e-6, abs=1e-9)
+    assert found[:, 1] == pytest.approx(-needed / (1.0 + gain) ** 2, rel=1e-5, abs=1e-9)
+
+
+def test_a_gear_takes_its_share_of_the_torque_that_makes_up_for_it(data: TorqueData) -> None:
+    """u = needed + share |u| sgn(v): more than the share of what is needed when driving, less when braking."""
+    run, share = data.runs[0], 0.3
+    term = Term.of(get_effect("load_dependent_friction"), "joint", {"coefficient": 0.0, "gear_share": share})
+    sign, needed = run.motion.direction[:, 0], run.needed[:, 0]
+    u = needed / (1.0 - share * sign * np.sign(needed))
+    expected = run.reduce_at(0, (share * np.abs(u) * sign)[:, None])[:, 0]
+    sure = run.rows.counted[:, 0]
+    found = columns_of(term, run, 0)[:, 0, 0]
+    assert np.abs(found - expected)[sure].max() < 1e-6 * np.abs(expected).max()

@@ -19,6 +19,7 @@ from recorded_arm import (
     weak_spring,
 )
 
+from missing_physics.answer.guard import guarded
 from missing_physics.hypotheses import TIMING, Candidate, Hypothesis, Term
 from missing_physics.inference import fitted, search, weighed
 from missing_physics.inference.fit import residuals
@@ -203,3 +204,21 @@ def test_independent_samples_of_a_first_order_process(arm: Robot) -> None:
         found.append(independent_shares(replace(data, runs=(run, data.runs[1])), fit)[0])
     # Forty series of some hundred samples: the mean scatters by a tenth, and is biased upwards by as much.
     assert np.mean(found) == pytest.approx((1.0 - r) / (1.0 + r), rel=0.25)
+
+
+def test_the_numbers_of_the_file_are_those_beside_an_event(arm: Robot) -> None:
+    """A file holds no push that happened once; its friction is not what makes up for one either."""
+    data = data_of(arm, push(9.0), unseen=nothing)
+    found = search(data)
+    best = weighed(found).answer
+    assert {term.effect.id for term in best.hypothesis.terms} == {"external_torque"}
+    file = guarded(found.data, best, found.standard).file
+    assert file.number("joint.viscous") == pytest.approx(best.number("joint.viscous"), rel=1e-9)
+    assert file.number("joint.coulomb") == pytest.approx(COULOMB, abs=0.01)
+
+
+def test_a_rotor_of_which_the_file_says_nothing_has_no_price(arm: Robot) -> None:
+    data = data_of(arm, nothing)
+    free = fitted(data, Hypothesis())
+    held = fitted(data, Hypothesis().filing("joint.reflected_inertia"))
+    assert prior(data, free) == pytest.approx(prior(data, held))

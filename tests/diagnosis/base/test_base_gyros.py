@@ -9,11 +9,15 @@ from floating_gyros import diagnosed, recorded, small
 
 from missing_physics.diagnosis.base.data import BaseData
 from missing_physics.diagnosis.base.file import with_base
+from missing_physics.diagnosis.base.information import of_bodies
 from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.diagnosis.base.stage import BaseResult
 from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.hypotheses import Term
+from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.result import Diagnosis, Fit, Result
+from missing_physics.standard import fit_standard
+from reference_model.dynamics.inertial import nominal_inertial
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, robot_from_toml, robot_to_toml
 
@@ -93,3 +97,28 @@ def test_a_gyro_of_another_scale_is_named_where_bodies_are_known() -> None:
     found = diagnosed(robot, [wrong])
     assert names(found) == {("sensor_gain", GYRO[2])}
     assert found.findings[0].parameters["gain_error"].value == pytest.approx(0.02, abs=2e-3)
+
+
+def test_the_information_of_gyros_is_about_the_right_bodies() -> None:
+    """The gradient of their likelihood at the truth is as large as its own standard deviation."""
+    robot = small()
+    found = of_bodies(diagnosed(robot, [recorded(robot)]))
+    assert found is not None
+    truth = nominal_inertial(robot)[: len(found.names)]
+    size = np.sqrt(np.maximum(np.diag(found.matrix), 1e-300))
+    scaled = found.matrix / np.outer(size, size)
+    values, vectors = np.linalg.eigh(scaled)
+    sure = values > 1e-6 * values[-1]
+    gradient = vectors[:, sure].T @ ((found.vector - found.matrix @ truth) / size)
+    assert np.mean(gradient**2 / values[sure]) < 4.0
+
+
+def test_a_base_that_is_much_heavier_is_within_reach_of_the_standard_model() -> None:
+    """How it moves follows from the estimated bodies, not from those of the file."""
+    robot = small()
+    base = robot.base.model_copy(
+        update={"mass": 1.3 * robot.base.mass, "inertia": tuple(1.35 * i for i in robot.base.inertia)}
+    )
+    standard = fit_standard(robot, [made := recorded(small(base=base))])
+    data = TorqueData.of(standard, [made])
+    assert np.all(data.sigma < 1.5 * np.hypot(data.noise, data.error))
