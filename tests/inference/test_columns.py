@@ -85,7 +85,7 @@ def test_a_gain_is_that_of_the_torque_that_makes_up_for_it(data: TorqueData, gai
 
 
 def test_a_gear_takes_its_share_of_the_torque_that_makes_up_for_it(data: TorqueData) -> None:
-    """u = needed + share |u| sgn(v): more than the share of what is needed when driving, less when braking."""
+    """u = needed + share |u| sgn(v): more than the share of what is needed if driving, less if braking."""
     run, share = data.runs[0], 0.3
     term = Term.of(get_effect("load_dependent_friction"), "joint", {"coefficient": 0.0, "gear_share": share})
     sign, needed = run.motion.direction[:, 0], run.needed[:, 0]

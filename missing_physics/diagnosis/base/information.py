@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.base.stage import BaseResult
-from missing_physics.hypotheses import BODIES
+from missing_physics.hypotheses import BODIES, Term, prior_of
 from missing_physics.inference.fit import fitted
 from missing_physics.standard.layout import Information
+from reference_model.effects.catalogue import get_effect
 
 __all__ = ["of_bodies"]
 
@@ -21,7 +22,8 @@ def of_bodies(base: BaseResult | None) -> Information | None:
     """Information of the gyros about the inertial numbers; None without gyros.
 
     The rows are those of the most probable hypothesis with all bodies estimated. They are linear about the
-    robot file, which errs by about the square of what the bodies change, over the rates' own size.
+    robot file, which errs by about the square of what the bodies change, over the rates' own size. Momenta at
+    the start, and the scale of every gyro within what is credible, are integrated out.
     """
     if base is None or base.data is None or base.answer is None:
         return None
@@ -32,21 +34,25 @@ def of_bodies(base: BaseResult | None) -> Information | None:
         data.designs[run][data.rows_seen(run)] @ (fit.numbers - data.filed) for run in range(data.fitted)
     ]
     bent = np.mean(np.concatenate(apart) ** 2, axis=0) / data.size
-    weight = data.independent / (fit.sigma**2 + data.error**2 + bent**2)
-    size = len(data.layout.names)
-    gram, right = np.zeros((size, size)), np.zeros(size)
+    weight = np.sqrt(data.independent / (fit.sigma**2 + data.error**2 + bent**2))
+    scales = [Term.of(get_effect("sensor_gain"), gyro, {"gain_error": 0.0}) for gyro in data.joints]
+    rows, left = [], []
     for run in range(data.fitted):
-        left = data.target(run) - data.terms.contributed(fit.hypothesis.terms, run)
-        rows = data.rows_seen(run)[:, None] & data.counted(run)
-        for k, one in enumerate(weight):
-            design = data.designs[run][rows[:, k], k]
-            gram += one * design.T @ design
-            right += one * design.T @ left[rows[:, k], k]
-    own = np.arange(data.runs[0].dynamics.model.inertial.size)
-    begun = [place for place in range(own.size, size) if data.layout.names[place] not in hypothesis.filed]
-    if begun:  # momenta at the start
-        taken = np.linalg.lstsq(
-            gram[np.ix_(begun, begun)], np.column_stack([gram[begun], right[begun]]), rcond=None
-        )
-        gram, right = gram - gram[:, begun] @ taken[0][:, :-1], right - gram[:, begun] @ taken[0][:, -1]
-    return Information(data.layout.names[: own.size], gram[np.ix_(own, own)], right[own], is_off)
+        seen = data.rows_seen(run)[:, None] & data.counted(run)
+        columns = [data.designs[run], *(data.columns(term, run)[:, :, 1:] for term in scales)]
+        rows.append((np.concatenate(columns, axis=2) * weight[:, None])[seen])
+        own = data.target(run) - data.terms.contributed(fit.hypothesis.terms, run)
+        left.append((own * weight)[seen])
+    design, target = np.concatenate(rows), np.concatenate(left)
+    bodies = np.arange(data.runs[0].dynamics.model.inertial.size)
+    names = data.layout.names
+    begun = [k for k in range(bodies.size, len(names)) if names[k] not in hypothesis.filed]
+    gains = np.arange(len(names), design.shape[1])
+    gram, right = design.T @ design, design.T @ target
+    known = [prior_of(term, p) for term in scales for p in term.free]
+    gram[gains, gains] += [1.0 / one[1] ** 2 if one else 0.0 for one in known]
+    others = np.array([*begun, *gains], dtype=int)
+    inner = np.linalg.pinv(gram[np.ix_(others, others)], hermitian=True)
+    across = gram[np.ix_(bodies, others)] @ inner
+    matrix = gram[np.ix_(bodies, bodies)] - across @ gram[np.ix_(others, bodies)]
+    return Information(names[: bodies.size], matrix, right[bodies] - across @ right[others], is_off)
