@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missing_physics.hypotheses.extents import FEWEST_CYCLES
-from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
+from missing_physics.hypotheses.hypothesis import BODIES, TIMING, Hypothesis
 from missing_physics.hypotheses.term import Term
 from missing_physics.hypotheses.unknown import UNKNOWN, UnknownForce
 from reference_model.effects.base import (
@@ -274,6 +274,8 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
         given["coulomb_torque"] = max(given["coulomb_torque"], least)
         instead = None if lower is None else lower.key
         held = () if place.coupled else ((f"{joint}.coulomb", 0.0),)
+    if effect.replaces_delay and not place.coupled:
+        held = (*held, (f"{joint}.{TIMING}", 0.0))
     constant: dict[str, tuple[float, float]] = {}
     if "torque_offset" in effect.contains:  # else two parameters would be equivalent
         held = held if place.coupled else (*held, (f"{joint}.offset", 0.0))

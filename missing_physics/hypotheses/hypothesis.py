@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from missing_physics.hypotheses.term import Term
+from reference_model.effects.base import JointEffect
 
 __all__ = ["BODIES", "TIMING", "Hypothesis"]
 
@@ -62,6 +63,8 @@ class Hypothesis:
         taken = {f"{term.at}.coulomb"} if term.effect.family else set()
         if "torque_offset" in term.effect.contains and not term.is_given:
             taken.add(f"{term.at}.offset")
+        if isinstance(term.effect, JointEffect) and term.effect.replaces_delay:
+            taken.add(f"{term.at}.{TIMING}")
         held = tuple((name, value) for name, value in self.held if name not in taken)
         return replace(self, terms=left, held=held)
 

@@ -37,6 +37,7 @@ class ActuatorLag(JointEffect):
     experiment = "phase against frequency in a sweep: a delay's is a straight line, a lag's an arc tangent"
     states = 1
     uses_torque = True
+    replaces_delay = True
     needs = ("torque",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

@@ -233,6 +233,8 @@ class JointEffect(Effect):
     uses_torque: ClassVar[bool] = False
     #: True when it takes or adds a share of the actuator's torque, which makes up for it.
     shares_torque: ClassVar[bool] = False
+    #: True when it is late as a whole, so that the joint's torque has no delay of its own beside it.
+    replaces_delay: ClassVar[bool] = False
     #: True when it cuts what a recorded torque commands, so that this has to be seen as it was recorded;
     #: other effects follow as well from what the motion needs, which has no noise.
     cuts_torque: ClassVar[bool] = False

@@ -28,7 +28,8 @@ __all__ = ["KeptColumns", "added_to_bodies", "columns_of", "cut"]
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
 
-#: Rounds of Newton's method for a torque: on one side of zero, on the other, and to rounding.
+#: Rounds for a torque that makes up for an effect: on one side of zero, on the other, and to rounding; a lag,
+#: to the fourth power of its phase.
 SIDES = 3
 #: Part of an actuator's torque that is left at least when an effect takes its share.
 LEAST = 0.05
@@ -255,7 +256,12 @@ def _signals(
         signals = signals.copy()
         signals[:, TORQUE] = run.acting[:, k]
     if effect.states:
-        return signals[:, :-1], 1.0
+        own = signals[:, :-1]
+        if effect.uses_torque and not term.in_rows:
+            own = own.copy()
+            for _ in range(SIDES):
+                own[:, TORQUE] = signals[:, TORQUE] - along.torque(own, term.parameters)
+        return own, 1.0
     if effect.shares_torque and not term.in_rows:
         return _made_up_for(term, signals, along)
     return signals, 1.0
