@@ -266,11 +266,11 @@ def _objective(layout: Layout, whole: _Weighted, width: float, x: Array) -> tupl
         gradient += layout.scale * off / KEPT**2
         hessian += np.outer(layout.scale, layout.scale) / KEPT**2
     if layout.beside is not None:
-        told, places = layout.beside, layout.places_beside
-        pull = told.matrix @ x[places] - told.vector
-        value += 0.5 * float((pull - told.vector) @ x[places])
+        known, places = layout.beside, layout.places_beside
+        pull = known.matrix @ x[places] - known.vector
+        value += 0.5 * float((pull - known.vector) @ x[places])
         gradient[places] += pull
-        hessian[np.ix_(places, places)] += told.matrix
+        hessian[np.ix_(places, places)] += known.matrix
     own = layout.own  # a parameter that the rows do not determine stays small
     away = (x[own] - layout.centre[own]) / layout.width[own]
     value += 0.5 * float(np.sum(away**2))

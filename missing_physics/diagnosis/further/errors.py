@@ -32,7 +32,7 @@ def beyond_noise(data: Data, every: Sequence[Array]) -> Iterator[tuple[int, floa
 
     Args:
         data: the rows.
-        every: what is left of each fitted recording, shape (K, m) each.
+        every: residual of each fitted recording, shape (K, m) each.
 
     Yields:
         Number of the channel, rms that is left, level of the noise, share of the whitened energy of all
@@ -49,14 +49,14 @@ def beyond_noise(data: Data, every: Sequence[Array]) -> Iterator[tuple[int, floa
 
 
 def errors_of(data: Data, every: Sequence[Array], k: int) -> Errors:
-    """rms of what is left of one channel in all recordings."""
+    """rms of the residual of one channel in all recordings."""
     return Errors(*(_rms(_part(data, every, k, seen=seen)) for seen in (True, False)))
 
 
 def fits_of(
     data: Data, channels: Sequence[Channel], before: Sequence[Array], after: Sequence[Array]
 ) -> dict[str, ChannelFit]:
-    """Errors by channel, of what is left of each recording without and with what was found."""
+    """Errors by channel, of each recording's residual without and with what was found."""
     return {
         one.name: ChannelFit(
             one.unit, errors_of(data, before, k), errors_of(data, after, k), float(data.noise[k])
@@ -78,7 +78,7 @@ def series_of(
     Args:
         data: the rows.
         channels: of them.
-        measured, before, after: what was measured of each recording, and what is left of it without and with
+        measured, before, after: what was measured of each recording, and its residual without and with
             what was found, shape (K, m) each.
         shown: the source of a recording, and what else is known of a channel in it (`ChannelSeries`).
     """

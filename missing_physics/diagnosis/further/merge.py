@@ -79,7 +79,7 @@ def joined(
         more: of the sensors; its findings take the place of the same ones of the torques.
         robot: the nominal robot.
         uses: its findings as effects.
-        first: whether it is told before what the torques say.
+        first: whether it is stated before what the torques say.
     """
     file, lacks = written_with(robot_from_toml(result.augmented_robot_toml), robot, uses)
     before = result.diagnosis
