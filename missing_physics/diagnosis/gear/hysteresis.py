@@ -39,7 +39,7 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
     if before <= 0.0:
         return z
     ratio = height / travel
-    if not ratio:
+    if 1.0 + ratio == 1.0:  # below rounding the height acts on no digit of w, and omega / ratio underflows
         return side * (1.0 - before * math.exp(-abs(change) / travel))
     exponent = math.log(ratio) + math.log(before) + ratio * before - abs(change) / travel
     return side * (1.0 - float(wrightomega(exponent)) / ratio)

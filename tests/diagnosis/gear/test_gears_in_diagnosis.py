@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from two_encoders import arm, half_open
 
@@ -35,6 +35,7 @@ from robot_model import Recording, Robot, robot_from_toml, robot_to_toml
     height=st.floats(0.0, 30.0),
     travel=st.floats(1e-5, 1e-3),
 )
+@example(twists=[1.6e-3], stiffness=1e3, height=5e-324, travel=1.2e-4)  # a ratio that underflows
 def test_the_state_along_the_torque_is_the_one_along_the_twist(
     twists: list[float], stiffness: float, height: float, travel: float
 ) -> None:
