@@ -37,7 +37,10 @@ from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
 from missing_physics.standard.bending import model_of
 from missing_physics.standard.layout import Information
+from missing_physics.standard.prediction import knows_links
 from missing_physics.standard.rows import common_band, rows_of, without_friction
+from reference_model.effects.base import Effect
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Recording, Robot, robot_to_toml, unit_of
 
@@ -117,7 +120,7 @@ def answered(
         fit=_fit(rows, robot),
         experiments=needed,
         unnamed=tuple(unnamed(data, answer.fit)),
-        could_not_tell=(*dismissed(found, answer.findings), _not_searched(searched)),
+        could_not_tell=(*dismissed(found, answer.findings), _not_searched(robot, searched)),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),
         timing=answer.timing,
@@ -165,11 +168,16 @@ def dismissed(found: Search[Any], findings: Sequence[Finding]) -> list[str]:
     ]
 
 
-def _not_searched(searched: Collection[str]) -> str:
+def _not_searched(robot: Robot, searched: Collection[str]) -> str:
     """Effects that no torque along the recorded motion shows, and that no other channel was searched for."""
-    every = [effect for effect in catalogue().values() if not effect.is_searched]
+    every = [effect for effect in catalogue().values() if not _is_searched(effect, robot)]
     titles = [effect.title.lower() for effect in every if effect.id not in searched]
     return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
+
+
+def _is_searched(effect: Effect, robot: Robot) -> bool:
+    on_link = isinstance(effect, ForceEffect) and effect.along_link
+    return effect.is_searched and (not on_link or knows_links(robot))
 
 
 def _notes(data: TorqueData, validated: bool) -> list[str]:

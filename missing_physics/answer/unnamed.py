@@ -32,7 +32,7 @@ def _unnamed(
 ) -> Unnamed:
     joint = next(j for j in data.standard.nominal.drives if j.name == term.at)
     unit = "N" if joint.kind == "prismatic" else "N m"
-    variable = f"{term.at}.{effect.variable}"
+    variable = f"{term.at}.{effect.variable}" if effect.of_joint else effect.variable
     knots, shape = effect.knots(term.parameters), effect.shape()
     sizes = np.array([term.parameters[p.name] for p in effect.estimated])
     spread = np.array([fit.deviation(f"{effect.id}@{term.at}.{p.name}") for p in effect.estimated])

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from itertools import combinations
 
+from missing_physics.standard.prediction import knows_links
 from missing_physics.standard.rows import is_friction
 from reference_model.effects.base import GearEffect
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
 from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Recording, Robot
@@ -22,9 +24,10 @@ ENCODERS = ("motor_position", "position")
 def require_weighable(robot: Robot, recordings: Sequence[Recording]) -> None:
     """Raises `InputError` where hypotheses cannot be weighed, and says how to correct it.
 
-    They require an encoder for each joint; links that do not bend where motors move several joints; no
-    effects of structure or surroundings in the robot file; and of its friction laws, no two of one kind at
-    one joint, and at joints that transmissions move only viscous and Coulomb friction.
+    They require an encoder for each joint; links that do not bend where motors move several joints; of
+    structure and surroundings no effects in the robot file but walls that rigid links meet; and of its
+    friction laws, no two of one kind at one joint, and at joints that transmissions move only viscous and
+    Coulomb friction.
     """
     if reason := _robot_lacks(robot):
         raise InputError(f"robot '{robot.name}' cannot be diagnosed as it is: {reason}.")
@@ -94,6 +97,8 @@ def _why_not(robot: Robot, used: UsedEffect) -> str:
         link = robot.link(used.at)
         if link.beam is not None:
             return ""
+    if isinstance(used.effect, ForceEffect) and used.effect.along_link and knows_links(robot):
+        return ""
     here = f"the robot file has {used.effect.id} at '{used.at}'"
     return f"{here}, which cannot be taken as known; leave it out"
 

@@ -128,7 +128,8 @@ def candidates(
                 yield from _at_links(effect, robot, present)
             continue
         if isinstance(effect, ForceEffect):
-            yield from _on_base(effect, robot, places, channels, present)
+            if effect.along_base:
+                yield from _on_base(effect, robot, places, channels, present)
             continue
         if isinstance(effect, StructureEffect):
             yield from _reshaping(effect, robot, places, present)

@@ -25,6 +25,7 @@ class Term:
         freed: those of its parameters that are estimated where the file has the term; the others are held.
         along: which of several signals drives it, such as an estimate of a torque; empty where there is one.
         further: odds against it beyond those of any effect, for values that were chosen from many [nats].
+        located: parameters that a robot file has to state, and that are estimated here.
         optional: numbers that the effect may lack; each is as improbable as another effect.
         in_rows: whether the file's term is in the rows already, so that only changes of its parameters, which
             are linear, contribute.
@@ -41,6 +42,7 @@ class Term:
     along: str = ""
     further: float = 0.0
     optional: frozenset[str] = frozenset()
+    located: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -54,6 +56,7 @@ class Term:
         along: str = "",
         further: float = 0.0,
         optional: frozenset[str] = frozenset(),
+        located: frozenset[str] = frozenset(),
     ) -> Term:
         """A term with the catalogue's defaults for values not given, within its bounds and narrower ones."""
         given = {**effect.defaults(), **values}
@@ -63,7 +66,9 @@ class Term:
             inside[larger] = max(inside[larger], inside[smaller])
         narrower = tuple((name, *pair) for name, pair in (limits or {}).items())
         own = tuple(inside[p.name] for p in effect.parameters)
-        return cls(effect, at, own, run, narrower, along=along, further=further, optional=optional)
+        return cls(
+            effect, at, own, run, narrower, along=along, further=further, optional=optional, located=located
+        )
 
     @classmethod
     def given(cls, effect: Effect, at: str, values: Mapping[str, float], *, in_rows: bool = False) -> Term:
@@ -97,7 +102,8 @@ class Term:
         held = {name for name, low, high in self.limits if low == high}
         if self.is_given:
             return tuple(p for p in self.effect.estimated if p.name in self.freed)
-        return tuple(p for p in self.effect.estimated if p.name not in held)
+        every = (p for p in self.effect.parameters if p.estimated or p.name in self.located)
+        return tuple(p for p in every if p.name not in held)
 
     def is_linear(self, p: Parameter) -> bool:
         """Whether recorded torques are linear in a parameter, along one motion."""

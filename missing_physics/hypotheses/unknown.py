@@ -19,8 +19,8 @@ from reference_model.effects.base import Extent, JointEffect, JointSignals, Para
 __all__ = ["UNKNOWN", "UnknownForce"]
 
 #: Degree of a curve over the whole range, and over the speeds of one direction: a recording of a few travels
-#: resolves about a tenth of the range.
-OVER_POSITION, OVER_SPEED = 9, 6
+#: resolves about a tenth of the range. Over time it is low: heat and wear change slowly, events have a start.
+OVER_POSITION, OVER_SPEED, OVER_TIME = 9, 6, 4
 #: Knots at which a curve is shown, over the range and over the speeds of one direction.
 KNOTS, KNOTS_OF_SPEED = 21, 11
 
@@ -35,6 +35,8 @@ class UnknownForce(JointEffect):
     experiment = "repeat the motion at other speeds and over other ranges"
     #: Name of the variable, as in a recording.
     variable: str
+    #: Whether the variable belongs to the joint.
+    of_joint = True
     #: Factor of the curve.
     carrier = ""
     #: Parameters of the standard model whose contributions depend on the same variable.
@@ -141,5 +143,39 @@ class _OfVelocity(UnknownForce):
         return 0.5 * (1.0 + s.sign) * forward + 0.5 * (1.0 - s.sign) * backward
 
 
+class _OfTime(UnknownForce):
+    """A force that drifts over the recordings, which all begin alike."""
+
+    id, title, variable = "unknown_of_time", "A force of the time", "time"
+    of_joint = False
+    parameters = _parameters(OVER_TIME, "s")
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        """A curve over the duration."""
+        return ({"low": 0.0, "high": extent.duration},)
+
+    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        """The curve, as a force on the joint."""
+        return self._curve(s.time, p, [q.name for q in self.estimated])
+
+
+class _OfDirectionAndTime(_OfTime):
+    """A force against the motion that drifts over the recordings: friction that warms, runs in or wears."""
+
+    id, title = "unknown_of_direction_and_time", "A force of direction and time"
+    carrier = "direction"
+    along = ("coulomb",)
+
+    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        """The curve times the direction, as a force on the joint."""
+        return s.sign * self._curve(s.time, p, [q.name for q in self.estimated])
+
+
 #: One unknown force of each kind.
-UNKNOWN: tuple[UnknownForce, ...] = (_OfVelocity(), _OfPosition(), _OfDirectionAndPosition())
+UNKNOWN: tuple[UnknownForce, ...] = (
+    _OfVelocity(),
+    _OfPosition(),
+    _OfDirectionAndPosition(),
+    _OfTime(),
+    _OfDirectionAndTime(),
+)

@@ -22,7 +22,7 @@ from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import AGREED, HALVINGS
 from reference_model.effects.base import JointEffect
 
-__all__ = ["FILE", "RIDGE", "Fit", "contributions", "fitted", "refiled", "residuals"]
+__all__ = ["FILE", "RIDGE", "Fit", "contributions", "fitted", "of_one_fold", "refiled", "residuals"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,6 +36,8 @@ EITHER_SIGN = 0.1
 #: Ridge of normal equations, as a part of their mean diagonal: far above rounding, and far below what data
 #: determine.
 RIDGE = 1e-9
+#: Part of the information on a parameter that one fold has where the others say less [-].
+ONE_FOLD = 0.5
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ class Fit:
         cut: rows of each block and joint in which a term cuts the recorded torque, shape (B, n).
         about: parameters of the standard model about which the rows were linearised in the fit, shape (X,).
         impossible: terms whose numbers nothing can have, with the reason.
+        once: terms of which a fold has parameters that no other determines, as of every event.
         partial: whether non-linear parameters of some terms were held in the fit.
     """
 
@@ -67,6 +70,7 @@ class Fit:
     cut: Array
     about: Array
     impossible: Mapping[tuple[str, str], str]
+    once: frozenset[tuple[str, str]] = frozenset()
     partial: bool = False
 
     def number(self, name: str) -> float:
@@ -196,23 +200,25 @@ def _outside(terms: Sequence[Term], change: Array) -> tuple[Mask, Array]:
 def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, ends: Mask) -> Fit:
     """Errors of all blocks; those of each fold by one Newton step from the whole fit to that without it.
 
-    Events keep their parameters, since no other fold determines them; their prior odds account for that.
-    Parameters at the end of their range, `ends`, stay there.
+    Events keep their parameters, since no other fold determines them; their prior odds account for that. So
+    do effects beyond a place that is seldom reached. Parameters at the end of their range, `ends`, stay.
     """
     data, layout, whole = problem.data, problem.layout, problem.total
     sigma = residual_rms(whole, x)
     free, weight = layout.free, 1.0 / sigma**2
     hessian = objective(layout, whole, sigma, width, x)[2][np.ix_(free, free)]
-    once = np.repeat([t.effect.is_event for t in hypothesis.terms], [len(t.free) for t in hypothesis.terms])
-    again = (np.concatenate([np.ones(data.start.size, dtype=bool), ~once.astype(bool)]) & ~ends)[free]
-    open_ = np.flatnonzero(free)[again]
-    among, length = np.ix_(open_, open_), layout.size[open_]
+    kept = _kept(problem, weight)
+    moves = (~np.concatenate([np.zeros((len(kept), data.start.size), dtype=bool), kept], axis=1) & ~ends)[
+        :, free
+    ]
     apart = {HELD_OUT: x}
-    for f, part in problem.folds.items():
+    for again, (f, part) in zip(moves, problem.folds.items()):
+        open_ = np.flatnonzero(free)[again]
+        length = layout.size[open_]
         away = x.copy()
         gram, right = part.weighted(weight)
         slope = (gram @ x - right)[open_]
-        matrix = (hessian[np.ix_(again, again)] - gram[among]) * np.outer(length, length)
+        matrix = (hessian[np.ix_(again, again)] - gram[np.ix_(open_, open_)]) * np.outer(length, length)
         matrix += RIDGE * max(np.trace(matrix) / max(len(matrix), 1), 1e-300) * np.eye(len(matrix))
         away[open_] += length * np.linalg.solve(matrix, length * slope)
         apart[f] = away
@@ -231,7 +237,37 @@ def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, en
         gone,
         data.about_numbers,
         dict(_impossible(data, moved.terms, x[: data.start.size], gone)),
+        frozenset(term.key for term, own in zip(hypothesis.terms, _of_each(hypothesis.terms, kept)) if own),
     )
+
+
+def _kept(problem: Problem, weight: Array) -> Mask:
+    """Which parameters of terms a fit without one fold keeps, as no other determines them: shape (F, P)."""
+    first = problem.data.start.size
+    parts = [np.diag(part.weighted(weight)[0])[first:] for part in problem.folds.values()]
+    found = of_one_fold(np.array(parts))
+    beyond, event = (
+        np.repeat([flag(term.effect) for term in problem.terms], [len(term.free) for term in problem.terms])
+        for flag in (lambda effect: effect.is_beyond, lambda effect: effect.is_event)
+    )
+    return np.asarray((found & beyond.astype(bool)) | event.astype(bool))
+
+
+def of_one_fold(information: Array) -> Mask:
+    """Parameters that one fold determines better than the others together, by that fold: shape (F, P).
+
+    Args:
+        information: on each, shape (F, P).
+    """
+    return np.asarray(information > ONE_FOLD * np.maximum(information.sum(axis=0), np.finfo(float).tiny))
+
+
+def _of_each(terms: Sequence[Term], kept: Mask) -> Iterator[bool]:
+    """Whether any parameter of each term is kept in any fold."""
+    at = 0
+    for term in terms:
+        yield bool(kept[:, at : at + len(term.free)].any())
+        at += len(term.free)
 
 
 def _impossible(

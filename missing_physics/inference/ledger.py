@@ -170,8 +170,8 @@ def prior(data: Data, fit: Fit) -> float:
 
     A friction law of the file costs as much as an effect where it is absent, and each of its parameters that
     is estimated as much as another number. A wave over position could have any of the orders that the
-    recordings tell apart, an event could have happened at any time, and a force that is none of the known
-    effects is as improbable again.
+    recordings tell apart, an event, or a place that is seldom reached, could have been at any time, and a
+    force that is none of the known effects is as improbable again.
     """
     hypothesis = fit.hypothesis
     added = [term for term in hypothesis.terms if not term.is_given]
@@ -180,7 +180,7 @@ def prior(data: Data, fit: Fit) -> float:
     effects = 0.0
     for term in added:
         effects += ODDS * (1 + len(term.added)) + term.further
-        effects += EVENT * term.effect.is_event + ODDS * isinstance(term.effect, UnknownForce)
+        effects += EVENT * (term.key in fit.once) + ODDS * isinstance(term.effect, UnknownForce)
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
     given = hypothesis.filed | {name for name, _ in hypothesis.held} | unstated(data)
     for term in added:

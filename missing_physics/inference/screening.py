@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Candidate
 from missing_physics.inference.data import HELD_OUT, Data
-from missing_physics.inference.fit import RIDGE, Fit, residuals
+from missing_physics.inference.fit import RIDGE, Fit, of_one_fold, residuals
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.problem import rows_of
 
@@ -83,7 +83,10 @@ class Screen:
         gram, right = self._projected([c / size for c in own], np.flatnonzero(felt.any(axis=1)))
         change = np.zeros_like(self.square)
         fitted = 1.0 - np.eye(len(self.folds))
-        if option.term.effect.is_event:  # other folds do not determine an event
+        effect, information = option.term.effect, np.einsum("fjcc->fc", gram)
+        if effect.is_event or (
+            effect.is_beyond and of_one_fold(information).any()
+        ):  # no other fold determines it
             fitted = np.ones_like(fitted)
         grams = np.tensordot(fitted, gram.sum(axis=1), 1)
         if not np.all(np.isfinite(grams)):

@@ -323,9 +323,9 @@ def narrowed(ci95: tuple[float, float], prior95: tuple[float, float]) -> bool:
 
 
 def in_words(name: str) -> str:
-    """``joint1's velocity`` of ``joint1.velocity``: the variable of `Unnamed.depends_on`."""
+    """``joint1's velocity`` of ``joint1.velocity``, ``time`` of ``time``: what `Unnamed.depends_on` has."""
     place, _, quantity = name.rpartition(".")
-    return f"{place}'s {quantity}"
+    return f"{place}'s {quantity}" if place else quantity
 
 
 def _plain(value: Any) -> Any:

@@ -14,16 +14,18 @@ from missing_physics.standard.band import BandMotion
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import BodyEffect, JointEffect
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
+from reference_model.effects.pushing import BodySeries, ForceAlong
 from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel
 from reference_model.evaluation.model import RobotModel
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
-from robot_model import Drive
+from robot_model import Drive, Robot
 
-__all__ = ["Along", "coupled_motion", "force_of", "inertial_with_effects", "torque_of_effects"]
+__all__ = ["Along", "coupled_motion", "force_of", "inertial_with_effects", "knows_links", "torque_of_effects"]
 
 Array = NDArray[np.float64]
 
@@ -100,6 +102,19 @@ class Along:
         joints = slice(start, start + len(self.model.joints))
         return np.asarray(matrix[:, joints, joints])
 
+    def body(self, link: str) -> tuple[BodySeries, Array]:
+        """How a rigid link moves, and what a wrench on it does to all rows (`RobotModel.body_motion`)."""
+        motion = self.motion
+        return self.model.body_motion(
+            link,
+            motion.time,
+            motion.position,
+            motion.velocity,
+            base=self.base,
+            inner=self.inner,
+            inertial=self.inertial,
+        )
+
     def loads(self) -> Array:
         """Bearing loads, shape (N, n, 4)."""
         state = self.motion.position, self.motion.velocity, self.motion.acceleration
@@ -136,10 +151,10 @@ class Along:
 
 
 def torque_of_effects(along: Along) -> Array:
-    """Torque that the robot's effects at joints require of the actuators, shape (N, n)."""
+    """Torque that the robot's effects at joints and rigid links require of the actuators, shape (N, n)."""
     model, motion = along.model, along.motion
     used = [u for u in used_effects(model.robot) if isinstance(u.effect, JointEffect)]
-    total = np.zeros_like(motion.velocity)
+    total = _of_pushed_links(along)
     if not used:
         return total
     needed, loads = along.needed, along.loads()
@@ -164,6 +179,24 @@ def torque_of_effects(along: Along) -> Array:
         signals[:, 5] = friction
         rest = (force_of(u, joint, signals, motion, k) for u in own if u not in laws)
         total[:, k] = -(friction + sum(rest, np.zeros(motion.time.size)))
+    return total
+
+
+def knows_links(robot: Robot) -> bool:
+    """Whether the places of links follow from the recorded positions, as far as the base's does."""
+    return not (robot.transmissions or robot.flexible_links)
+
+
+def _of_pushed_links(along: Along) -> Array:
+    """Torque that holds against what pushes on rigid links where they are, shape (N, n)."""
+    model, motion = along.model, along.motion
+    total = np.zeros_like(motion.velocity)
+    for used in used_effects(model.robot):
+        if not isinstance(used.effect, ForceEffect) or not used.effect.along_link:
+            continue
+        series, spread = along.body(used.at)
+        wrench = ForceAlong(used.effect, model.robot).wrench(series, used.parameters)
+        total -= along.at_joints(spread @ wrench[:, :, None])[:, :, 0]
     return total
 
 

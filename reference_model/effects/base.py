@@ -147,6 +147,7 @@ class Effect(ABC):
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         priors: mean and standard deviation of parameters of which something is known that no recording says.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
+        is_beyond: it acts beyond a place, which a recording may reach once.
         along_motion: it has regressors along a recorded joint motion.
     """
 
@@ -169,6 +170,7 @@ class Effect(ABC):
     ordered: ClassVar[tuple[tuple[str, str], ...]] = ()
     priors: ClassVar[Mapping[str, tuple[float, float]]] = {}
     is_event: ClassVar[bool] = False
+    is_beyond: ClassVar[bool] = False
     along_motion: ClassVar[bool] = True
 
     def parameter(self, name: str) -> Parameter:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from reference_model.effects.base import Effect, Values
 from robot_model import Robot
 
-__all__ = ["BodySignals", "ForceEffect"]
+__all__ = ["BodySight", "BodySignals", "ForceEffect"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,26 @@ class BodySignals:
     home_rotation: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class BodySight:
+    """A rigid link in the recordings and what is not explained while it moves; K samples, n joints.
+
+    Attributes:
+        position: of the link's frame in the inertial one [m], shape (K, 3).
+        rotation: from the link's axes to inertial ones, shape (K, 3, 3).
+        spread: force at the joints of each component of a wrench [force; moment] about the frame's origin in
+            the link's axes, shape (K, n, 6).
+        left: force at the joints that is not explained, whitened as `spread` is, shape (K, n).
+        points: of the link that may touch something, in its frame [m], shape (Q, 3).
+    """
+
+    position: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    left: NDArray[np.float64]
+    points: NDArray[np.float64]
+
+
 class ForceEffect(Effect):
     """Pushes on a body at a point of it.
 
@@ -52,9 +72,19 @@ class ForceEffect(Effect):
     #: It also carries, with a constant wrench, what rests on its body at the start.
     carries_start: ClassVar[bool] = False
 
+    #: What it does follows from where a point of its link is: joints show it.
+    along_link: ClassVar[bool] = False
+
     @property
     def is_searched(self) -> bool:
-        return self.along_base
+        return self.along_base or self.along_link
+
+    #: Parameters that a robot file states and a recording has to show.
+    located: ClassVar[tuple[str, ...]] = ()
+
+    def starts_along(self, sight: BodySight) -> Sequence[tuple[float, Mapping[str, float]]]:
+        """Starting values for a link, best first, each with the part of the squared forces it explains."""
+        return ()
 
     def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
         """Bounds of parameters that the robot or its torques make narrower than the catalogue's."""
@@ -68,7 +98,7 @@ class ForceEffect(Effect):
         """Whether it does anything with these parameters."""
         return True
 
-    def point(self, p: Mapping[str, float]) -> tuple[float, float, float]:
+    def point(self, p: Mapping[str, Any]) -> tuple[Any, Any, Any]:
         """Where it acts, in the body's frame [m]; on a flexible link the node nearest to it is taken."""
         return (0.0, 0.0, 0.0)
 

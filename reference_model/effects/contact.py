@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import casadi as ca
 
 from reference_model.effects.base import Extent, Parameter, Values
-from reference_model.effects.body_force import BodySignals, ForceEffect
+from reference_model.effects.body_force import BodySight, BodySignals, ForceEffect
+from reference_model.effects.touching import walls
 
 __all__ = ["Contact"]
 
 AXES = ("x", "y", "z")
+
+#: Of the penetration, in Hertz's force.
+POWER = 1.5
 
 #: Penetration up to which the contact's frequency is bounded [m].
 DEEPEST = 0.01
@@ -31,6 +36,9 @@ class Contact(ForceEffect):
     id = "contact"
     title = "Contact with a wall"
     place = "link"
+    along_link = True
+    is_beyond = True
+    located = ("normal_x", "normal_y", "normal_z", "x", "y", "z")
     parameters = (
         Parameter(
             "stiffness", "N/m^1.5", "force per penetration^1.5", 0.0, 1e13, 1e6, absent=0.0, linear=True
@@ -86,7 +94,7 @@ class Contact(ForceEffect):
     def acts(self, p: Mapping[str, float]) -> bool:
         return p["stiffness"] != 0
 
-    def point(self, p: Mapping[str, float]) -> tuple[float, float, float]:
+    def point(self, p: Mapping[str, Any]) -> tuple[Any, Any, Any]:
         return (p["x"], p["y"], p["z"])
 
     def wrench(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
@@ -95,7 +103,7 @@ class Contact(ForceEffect):
         return ca.vertcat(s.rotation.T @ normal * push, ca.SX(3, 1))
 
     def stored(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
-        return 2 / 5 * p["stiffness"] * self._depth(s, p)[0] ** 2.5
+        return p["stiffness"] * self._depth(s, p)[0] ** (POWER + 1.0) / (POWER + 1.0)
 
     def power(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
         depth, rate, _ = self._depth(s, p)
@@ -108,8 +116,11 @@ class Contact(ForceEffect):
         typical = {name: self.parameter(name).typical for name in ("stiffness", "damping", "offset")}
         return (typical,)
 
+    def starts_along(self, sight: BodySight) -> Sequence[tuple[float, Mapping[str, float]]]:
+        return walls(sight, POWER)
+
     def _hertz(self, p: Values, depth: ca.SX) -> ca.SX:
-        return p["stiffness"] * depth**1.5
+        return p["stiffness"] * depth**POWER
 
     def _depth(self, s: BodySignals, p: Values) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Penetration d [m], its rate [m/s] and the unit normal."""

@@ -20,6 +20,7 @@ class EndStop(JointEffect):
     id = "end_stop"
     title = "End stop"
     place = "joint"
+    is_beyond = True
     parameters = (
         Parameter("stiffness", "N m/rad", "stiffness of the stop", 0.0, 1e8, 100.0, absent=0.0, linear=True),
         Parameter("position", "rad", "joint position at which contact begins", -1e3, 1e3, 1.0),

@@ -1,8 +1,8 @@
-"""What an effect that pushes on the base does along a known motion of the base."""
+"""What an effect that pushes on a body does along a known motion of that body."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,20 +15,20 @@ from reference_model.effects.body_force import BodySignals, ForceEffect
 from reference_model.kinematics.spatial import rotation_from_rpy
 from robot_model import Robot
 
-__all__ = ["BaseSignals", "ForceAlong"]
+__all__ = ["BodySeries", "ForceAlong"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class BaseSignals:
-    """How the base moves, N samples.
+class BodySeries:
+    """How a rigid body moves, N samples.
 
     Attributes:
         time: [s], shape (N,).
-        position: of the base's frame in the inertial one [m], shape (N, 3).
-        rotation: base to inertial axes, shape (N, 3, 3).
-        velocity: inertial, [linear; angular] in base axes [m/s, rad/s], shape (N, 6).
+        position: of the body's frame in the inertial one [m], shape (N, 3).
+        rotation: body to inertial axes, shape (N, 3, 3).
+        velocity: inertial, [linear; angular] in body axes [m/s, rad/s], shape (N, 6).
     """
 
     time: Array
@@ -44,20 +44,20 @@ class BaseSignals:
 
 
 class ForceAlong:
-    """An effect at the base, along a motion of the base that is known.
+    """An effect at a rigid body, along a motion of the body that is known.
 
     Args:
         effect: catalogue entry; its equations are built once for each place of a base and kept.
-        robot: whose base it pushes.
+        robot: of which the body is a part.
     """
 
     def __init__(self, effect: ForceEffect, robot: Robot) -> None:
         self.effect = effect
         home = (*robot.base.position, *rotation_from_rpy(robot.base.rpy).ravel())
-        self._force, self._step = _formulas(effect, tuple(map(float, home)))
+        self._force, self._slopes, self._step = _formulas(effect, tuple(map(float, home)))
 
-    def wrench(self, signals: BaseSignals, parameters: Mapping[str, float]) -> Array:
-        """[force; moment] on the base about its frame's origin, base axes [N, N m], shape (N, 6).
+    def wrench(self, signals: BodySeries, parameters: Mapping[str, float]) -> Array:
+        """[force; moment] on the body about its frame's origin, body axes [N, N m], shape (N, 6).
 
         States of the effect are integrated by the classical Runge-Kutta method, signals linear between
         samples.
@@ -65,8 +65,7 @@ class ForceAlong:
         p = {**self.effect.defaults(), **parameters}
         if not self.effect.acts(p):
             return np.zeros((len(signals.time), 6))
-        values = [p[parameter.name] for parameter in self.effect.parameters]
-        constants, rows = np.array([*values, *self.effect.point(p)], dtype=float), signals.rows
+        constants, rows = self._constants(p), signals.rows
         states = np.zeros((len(rows), 0))
         if self.effect.states:
             first, steps = np.array(self.effect.initial_state(p), dtype=float), len(rows) - 1
@@ -76,14 +75,28 @@ class ForceAlong:
             states = np.vstack([first[None], rest])
         return np.asarray(self._force(rows, states, constants)[0])
 
+    def slopes(self, signals: BodySeries, parameters: Mapping[str, float], names: Sequence[str]) -> Array:
+        """Derivatives of the wrench of an effect without states by parameters, shape (N, 6, P)."""
+        p = {**self.effect.defaults(), **parameters}
+        constants = self._constants(p)
+        flat = self._slopes(signals.rows, np.zeros((len(signals.time), 0)), constants)[0]
+        places = [[q.name for q in self.effect.parameters].index(name) for name in names]
+        return np.asarray(flat.reshape(len(flat), constants.size, 6).transpose(0, 2, 1)[:, :, places])
+
+    def _constants(self, p: Mapping[str, float]) -> Array:
+        return np.array([p[parameter.name] for parameter in self.effect.parameters], dtype=float)
+
 
 @lru_cache(maxsize=16)
-def _formulas(effect: ForceEffect, home: tuple[float, ...]) -> tuple[Batched, ca.Function]:
-    """[row, states, constants] -> wrench; state, rows at both ends, constants -> state one interval later."""
+def _formulas(effect: ForceEffect, home: tuple[float, ...]) -> tuple[Batched, Batched, ca.Function]:
+    """Of a row, states and constants: the wrench, and its derivatives by the constants.
+
+    And of a state, the rows at both ends and constants: the state one interval later.
+    """
     count = len(effect.parameters)
-    row, states, constants = ca.SX.sym("s", 19), ca.SX.sym("z", effect.states), ca.SX.sym("c", count + 3)
+    row, states, constants = ca.SX.sym("s", 19), ca.SX.sym("z", effect.states), ca.SX.sym("c", count)
     p = {parameter.name: constants[k] for k, parameter in enumerate(effect.parameters)}
-    arm, frame = constants[count:], (np.array(home[:3]), np.array(home[3:]).reshape(3, 3))
+    arm, frame = ca.vertcat(*effect.point(p)), (np.array(home[:3]), np.array(home[3:]).reshape(3, 3))
 
     def signals(of: ca.SX) -> BodySignals:
         time, position, flat, linear, angular = ca.vertsplit(of, [0, 1, 4, 13, 16, 19])
@@ -93,7 +106,10 @@ def _formulas(effect: ForceEffect, home: tuple[float, ...]) -> tuple[Batched, ca
 
     pushed = effect.wrench(signals(row), p, states)
     about = ca.vertcat(pushed[:3], pushed[3:] + ca.cross(arm, pushed[:3]))
-    force = ca.Function("wrench", [row, states, constants], [ca.densify(about)], {"cse": True})
+    inputs = [row, states, constants]
+    force = ca.Function("wrench", inputs, [ca.densify(about)], {"cse": True})
+    by_each = ca.vec(ca.densify(ca.jacobian(about, constants)))
+    slopes = ca.Function("slopes", inputs, [by_each], {"cse": True})
     ends = ca.SX.sym("e", 38)
     first, last = ca.vertsplit(ends, 19)
     h, middle = last[0] - first[0], (first + last) / 2
@@ -106,4 +122,8 @@ def _formulas(effect: ForceEffect, home: tuple[float, ...]) -> tuple[Batched, ca
     k3 = rate(middle, states + h / 2 * k2)
     k4 = rate(last, states + h * k3)
     later = ca.densify(states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
-    return Batched(force), ca.Function("step", [states, ends, constants], [later], {"cse": True})
+    return (
+        Batched(force),
+        Batched(slopes),
+        ca.Function("step", [states, ends, constants], [later], {"cse": True}),
+    )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from reference_model.dynamics.balance import LOADS
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.dynamics.tree import Body, tree_of
+from reference_model.effects.pushing import BodySeries
 from reference_model.evaluation import outputs
 from reference_model.evaluation.evaluator import Build, Evaluator
 from reference_model.flexible import FlexibleBody
@@ -67,6 +68,7 @@ class RobotModel:
         self.evaluate = Evaluator(robot, self.tree, self.inertial)
         self._passive: PassiveMotion | None = None
         self._nodes: dict[tuple[str, int], Build] = {}
+        self._bodies: dict[str, Build] = {}
 
     def inverse_dynamics(
         self,
@@ -294,6 +296,43 @@ class RobotModel:
         found = self.evaluate(build, motion, (base, inner, inertial), place=base_position)
         rotation = found[1].reshape(-1, 3, 3).transpose(0, 2, 1)
         return NodeMotion(found[0], rotation, *found[2:])
+
+    def body_motion(
+        self,
+        link: str,
+        time: Array,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
+        inertial: ArrayLike | None = None,
+    ) -> tuple[BodySeries, Array]:
+        """How a rigid link moves, and what wrenches on it do.
+
+        Args:
+            link: name of the link.
+            time: of the samples [s], shape (N,).
+            position, velocity, base, inner, inertial: see the class.
+
+        Returns:
+            The motion of its frame; the base stays where the description puts it. And the generalised force
+            of a unit of each component of a wrench [force; moment] about the origin of its frame in its axes,
+            shape (N, rows, 6).
+
+        Raises:
+            InputError: the link bends or is unknown.
+        """
+        members = {body.name for body in self.tree.bodies if not body.flexible}
+        if link not in members:
+            raise InputError(f"robot '{self.robot.name}' has no rigid link '{link}'{nearest(link, members)}.")
+        build = self._bodies.setdefault(link, outputs.body(link))
+        still = np.zeros_like(np.asarray(position, dtype=float))
+        place, turned, rates, spread = self.evaluate(
+            build, (position, velocity, still), (base, inner, inertial)
+        )
+        rotation = turned.reshape(-1, 3, 3).transpose(0, 2, 1)
+        return BodySeries(time, place, rotation, rates), spread.reshape(len(spread), -1, 6)
 
     def strain(self, link: str, inner: InnerMotion) -> Array:
         """Strain at the gauges of a flexible link [-], shape (N, gauges).

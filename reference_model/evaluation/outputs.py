@@ -11,6 +11,7 @@ from reference_model.dynamics.minimal import minimal_form
 from reference_model.dynamics.symbolic import SymbolicRobot
 
 __all__ = [
+    "body",
     "energy",
     "forward",
     "inverse",
@@ -77,6 +78,19 @@ def momenta(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
 def energy(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
     """Kinetic, gravitational and elastic energy."""
     return [ca.vertcat(*robot.energies)]
+
+
+def body(link: str) -> Callable[[SymbolicRobot, ca.SX], list[ca.SX]]:
+    """How a rigid body moves, and what each component of a wrench at its origin does to all rows."""
+
+    def build(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+        state, motion = robot.mechanism.states[robot.tree.index(link)], robot.motion
+        base = motion.base_velocity if robot.tree.free_base else ca.SX(0, 1)
+        rates = ca.vertcat(base, motion.velocity, motion.ball_rates, motion.modal_rates)
+        velocity = state.velocity[:6]
+        return [state.position, state.rotation, velocity, ca.jacobian(velocity, rates)]
+
+    return build
 
 
 def node(link: str, index: int) -> Callable[[SymbolicRobot, ca.SX], list[ca.SX]]:

@@ -108,6 +108,23 @@ def test_a_force_of_no_known_effect_stays_without_a_name(arm: Robot) -> None:
     assert told.verdict == "unexplained"
 
 
+def test_friction_that_falls_with_time_is_described_without_a_name(arm: Robot) -> None:
+    def warming(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return 0.4 * np.exp(-time / 6.0) * np.sign(velocity)
+
+    told = diagnosed(with_friction(arm), warming)[0].diagnosis
+    assert told.findings == ()
+    (force,) = told.unnamed
+    (curve,), (knots,) = force.curves, force.knots
+    assert (force.depends_on, curve.carrier) == (("time",), "direction")
+    assert force.share > 0.8
+    assert "a curve over time times the direction of motion" in force.words
+    early, late = (np.interp(t, knots, curve.torque) for t in (1.0, 20.0))
+    # of a polynomial of the fourth degree
+    assert early - late == pytest.approx(0.4 * (np.exp(-1.0 / 6.0) - np.exp(-20.0 / 6.0)), rel=0.1)
+    assert told.verdict == "unexplained"
+
+
 def test_a_force_that_held_out_data_contradict_is_not_stated(arm: Robot) -> None:
     def bump(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         return 0.8 * np.exp(-8.0 * (position - 0.3) ** 2)

@@ -13,7 +13,7 @@ from missing_physics.checks.gyros import covered, gyro_noise
 from missing_physics.diagnosis.base.response import Floating
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.low_pass import LowPass
-from reference_model.effects.pushing import BaseSignals
+from reference_model.effects.pushing import BodySeries
 from reference_model.kinematics.spatial import rotation_from_rpy
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
@@ -130,7 +130,7 @@ class Rates:
         return Floating(self.dynamics.motion.time[some], self.rotation[some], mass, *model.elasticity())
 
     @cached_property
-    def signals(self) -> BaseSignals:
+    def signals(self) -> BodySeries:
         """How the base moves, for effects that push on it; places to the accuracy of the robot file."""
         some = self.instants
         floating, ((_, velocity, _), inner) = self.floating, self.along(some)
@@ -142,9 +142,7 @@ class Rates:
         place = np.asarray(self.dynamics.model.robot.base.position, dtype=float)
         moved = np.zeros_like(speed)
         np.cumsum(floating.step / 2 * (speed[1:] + speed[:-1]), axis=0, out=moved[1:])
-        return BaseSignals(
-            floating.time, place + moved, floating.rotation, np.column_stack([linear, turning])
-        )
+        return BodySeries(floating.time, place + moved, floating.rotation, np.column_stack([linear, turning]))
 
     @cached_property
     def vibration(self) -> Array:

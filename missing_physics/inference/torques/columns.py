@@ -14,7 +14,7 @@ from missing_physics.hypotheses.term import Term
 from missing_physics.inference.kept import Kept
 from missing_physics.inference.torques.coupled import behind_motors
 from missing_physics.inference.torques.links import of_link
-from missing_physics.inference.torques.pushes import on_base
+from missing_physics.inference.torques.pushes import on_body
 from missing_physics.inference.torques.runs import Run
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
@@ -169,7 +169,7 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     if isinstance(effect, StructureEffect):
         return of_link(term, effect, run)
     if isinstance(effect, ForceEffect):
-        return on_base(term, effect, run)
+        return on_body(term, effect, run)
     raise TypeError(f"{effect.id} has no columns along a motion")
 
 

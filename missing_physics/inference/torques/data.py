@@ -22,6 +22,7 @@ from missing_physics.inference.data import Data, blocks_of
 from missing_physics.inference.torques.columns import KeptColumns, added_to_bodies, cut
 from missing_physics.inference.torques.places import places
 from missing_physics.inference.torques.runs import Run, about, runs_of
+from missing_physics.inference.torques.touched import at_links
 from missing_physics.standard import MODEL_ERROR, StandardModel
 from missing_physics.standard.fit import design_of
 from missing_physics.standard.layout import Information, Layout
@@ -232,7 +233,10 @@ class TorqueData(Data):
         coulomb = {j: float(numbers[self.layout.names.index(f"{j}.coulomb")]) for j in self.joints}
         seen = [self.rows_seen(i) for i in range(self.fitted)]
         where = places(self.robot, self.runs, seen, left, coulomb)
-        return list(candidates(self.robot, hypothesis, where, channels, self.given))
+        sigma = np.sqrt(np.sum([(own**2).sum(axis=0) for own in left], axis=0))
+        sigma = np.maximum(sigma / np.sqrt(max(sum(map(len, left)), 1)), self.error)
+        touched = at_links(self.robot, hypothesis, self.runs[: self.fitted], left, sigma)
+        return [*candidates(self.robot, hypothesis, where, channels, self.given), *touched]
 
     def cut(self, terms: Sequence[Term]) -> Array:
         """Rows of each block and joint in which terms cut the recorded torque, shape (B, n)."""

@@ -22,6 +22,7 @@ from missing_physics.standard.prediction import (
 from missing_physics.standard.rows import FRICTION, Rows, rows_of, taken_about, without_friction
 from reference_model.effects.base import JointEffect, JointSignals
 from reference_model.effects.catalogue import UsedEffect, used_effects
+from reference_model.effects.pushing import BodySeries
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
 
@@ -102,6 +103,16 @@ class Run:
         found = self.along.at_joints(rows)
         found[:, k] += self._viscous[k] * bent[1]
         return found
+
+    def body(self, link: str) -> tuple[BodySeries, Array]:
+        """How a rigid link moves, and what a wrench on it does to all rows (`RobotModel.body_motion`)."""
+        if link not in self._bodies:
+            self._bodies[link] = self.along.body(link)
+        return self._bodies[link]
+
+    @cached_property
+    def _bodies(self) -> dict[str, tuple[BodySeries, Array]]:
+        return {}
 
     @cached_property
     def reshaped(self) -> dict[tuple[str, str], object]:

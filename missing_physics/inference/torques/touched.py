@@ -1,0 +1,90 @@
+"""Candidates at rigid links: effects that act where a point of the link is, such as a wall in its way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.hypotheses import Candidate, Hypothesis, Term
+from missing_physics.inference.torques.runs import Run
+from missing_physics.standard.prediction import knows_links
+from reference_model.effects.body_force import BodySight, ForceEffect
+from reference_model.effects.catalogue import catalogue
+from robot_model import Link, Robot
+
+__all__ = ["at_links"]
+
+Array = NDArray[np.float64]
+
+#: Samples of a recording that are looked at, evenly spaced; a contact of a hundredth of it has fifteen.
+SAMPLES = 1500
+#: Most starting values of all links together, and how the components of a direction are called.
+STARTS, NORMAL = 8, "normal_"
+
+
+def at_links(
+    robot: Robot, hypothesis: Hypothesis, runs: Sequence[Run], left: Sequence[Array], sigma: Array
+) -> list[Candidate]:
+    """Candidates at rigid links, with the starting values of each that explain most.
+
+    Args:
+        robot: nominal.
+        hypothesis: to which effects are added.
+        runs: fitted recordings.
+        left: residual of each, zero where nothing is fitted, shape (K, n) [N m or N].
+        sigma: its rms at each joint, shape (n,) [N m or N].
+    """
+    if not knows_links(robot):
+        return []
+    found: list[tuple[float, Term]] = []
+    present = {term.key for term in hypothesis.terms} | {(use.effect, use.at) for use in robot.effects}
+    for effect in catalogue().values():
+        if not isinstance(effect, ForceEffect) or not effect.along_link:
+            continue
+        for link in robot.links:
+            if (effect.id, link.name) in present or not _is_moved(robot, link):
+                continue
+            for share, start in effect.starts_along(_sight(robot, link, runs, left, sigma)):
+                found.append((share, _term(effect, link, start)))
+    best = sorted(found, key=lambda one: -one[0])[:STARTS]
+    return [Candidate(term) for _, term in best]
+
+
+def _term(effect: ForceEffect, link: Link, start: Mapping[str, float]) -> Term:
+    """The effect with all that locates it estimated, but for the longest component of a normal."""
+    begin = {p.name: p.absent if p.linear and p.absent is not None else p.typical for p in effect.estimated}
+    longest = max((name for name in effect.located if name.startswith(NORMAL)), key=lambda n: abs(start[n]))
+    held = {longest: (start[longest], start[longest])}
+    return Term.of(effect, link.name, {**begin, **start}, limits=held, located=frozenset(effect.located))
+
+
+def _is_moved(robot: Robot, link: Link) -> bool:
+    return any(joint.child == link.name for joint in robot.joints)
+
+
+def _points(robot: Robot, link: Link) -> Array:
+    """Of a link that may touch something: where joints are, its centre of mass, and its far end."""
+    centre = np.array(link.center_of_mass)
+    joints = [j.origin for j in robot.joints if j.parent == link.name]
+    return np.array([np.zeros(3), centre, 2.0 * centre, *joints])
+
+
+def _sight(robot: Robot, link: Link, runs: Sequence[Run], left: Sequence[Array], sigma: Array) -> BodySight:
+    places, turns, spreads, forces = [], [], [], []
+    for run, own in zip(runs, left):
+        some = np.arange(len(own))[:: max(len(own) // SAMPLES, 1)]
+        series, spread = run.body(link.name)
+        kept = np.arange(run.motion.time.size)[run.motion.kept][some]
+        places.append(series.position[kept])
+        turns.append(series.rotation[kept])
+        spreads.append(run.along.at_joints(spread)[kept] / sigma[:, None])
+        forces.append(-own[some] / sigma)
+    return BodySight(
+        np.concatenate(places),
+        np.concatenate(turns),
+        np.concatenate(spreads),
+        np.concatenate(forces),
+        _points(robot, link),
+    )

@@ -1,0 +1,104 @@
+"""Where a point of a link runs against a wall, from forces at the joints that nothing explains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.effects.body_force import BodySight
+
+__all__ = ["walls"]
+
+Array = NDArray[np.float64]
+
+#: Most walls that are returned for a link.
+MOST = 4
+#: Places of a wall that are tried along its normal, and the least depth as a part of the point's way.
+PLACES, LEAST = 40, 0.005
+#: Part of a row's largest squared sensitivity to a force that counts as none [-].
+RIDGE = 1e-6
+
+
+@dataclass(frozen=True)
+class _Wall:
+    """A plane, the point that touches it, and the part of the squared forces that it explains."""
+
+    normal: Array
+    point: Array
+    offset: float
+    share: float
+
+    @property
+    def start(self) -> Mapping[str, float]:
+        """As parameters of a contact."""
+        found = {"offset": self.offset}
+        for axis, along, place in zip("xyz", self.normal.tolist(), self.point.tolist()):
+            found |= {f"normal_{axis}": along, axis: place}
+        return found
+
+
+def walls(sight: BodySight, power: float) -> Sequence[tuple[float, Mapping[str, float]]]:
+    """Walls from which a fit of a contact may begin, best first.
+
+    A wall pushes along its normal only. So the force at a point that explains the joints' forces best is
+    estimated at every sample, and planes across its principal direction and across the inertial axes are
+    placed where the depth explains most.
+
+    Args:
+        sight: the link, and what is not explained.
+        power: of the depth, to which the force is proportional.
+
+    Returns:
+        The part of the squared forces that each explains, and its parameters as those of a contact.
+    """
+    if not sight.left.any():
+        return ()
+    found = [wall for point in sight.points for wall in _across(sight, point, power) if wall.share > 0.0]
+    best = sorted(found, key=lambda wall: -wall.share)[:MOST]
+    return tuple((wall.share, wall.start) for wall in best)
+
+
+def _at(sight: BodySight, point: Array) -> Array:
+    """Forces at the joints of a force at a point in inertial axes, shape (K, n, 3)."""
+    inward = sight.rotation.transpose(0, 2, 1)
+    moment = np.cross(point, inward.transpose(0, 2, 1)).transpose(0, 2, 1)  # point x R^T e, by columns
+    return np.asarray(sight.spread[:, :, :3] @ inward + sight.spread[:, :, 3:] @ moment)
+
+
+def _across(sight: BodySight, point: Array, power: float) -> Iterator[_Wall]:
+    """The best wall across each direction, for one point."""
+    spread = _at(sight, point)
+    gram = spread.transpose(0, 2, 1) @ spread
+    ridge = RIDGE * float(np.abs(gram).max(initial=0.0)) + np.finfo(float).tiny
+    right = np.einsum("kni,kn->ki", spread, sight.left)
+    force = np.linalg.solve(gram + ridge * np.eye(3), right[:, :, None])[:, :, 0]
+    gone = np.einsum("ki,ki->k", force, right)  # of the squared forces, at each sample
+    size = np.maximum(np.linalg.norm(force, axis=1, keepdims=True), np.finfo(float).tiny)
+    _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", gone, force / size, force / size))
+    for axis in (axes[:, -1], *np.eye(3)):
+        for normal in (axis, -axis):
+            along, height = spread @ normal, _height(sight, point, normal)
+            depths = np.ptp(height) * np.geomspace(LEAST, 1.0, PLACES)
+            offsets = (float(height.min()) + depths).tolist()
+            shares = [_share(sight, along, height, offset, power) for offset in offsets]
+            best = int(np.argmax(shares))
+            yield _Wall(normal, point, offsets[best], shares[best])
+
+
+def _height(sight: BodySight, point: Array, normal: Array) -> Array:
+    """Place of the point along the normal [m], shape (K,)."""
+    return np.asarray((sight.position + sight.rotation @ point) @ normal)
+
+
+def _column(along: Array, height: Array, offset: float, power: float) -> Array:
+    """Forces at the joints of a wall of unit stiffness, shape (K, n)."""
+    return np.asarray(along * np.maximum(offset - height, 0.0)[:, None] ** power)
+
+
+def _share(sight: BodySight, along: Array, height: Array, offset: float, power: float) -> float:
+    column = _column(along, height, offset, power)
+    size, product = float(np.sum(column**2)), float(np.sum(column * sight.left))
+    return product**2 / size / float(np.sum(sight.left**2)) if size > 0.0 and product > 0.0 else 0.0
