@@ -9,12 +9,10 @@ from missing_physics.inference import Fit
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard.model import as_robot, use_of
 from missing_physics.standard.rows import without_friction
+from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Robot
 
 __all__ = ["augmented"]
-
-#: Effects that are parameters of the standard model.
-NUMBERS = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
 
 
 def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, float]]) -> Robot:
@@ -27,7 +25,9 @@ def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping
     """
     numbers = dict(zip(fit.layout.names, map(float, fit.numbers)))
     robot = as_robot(without_friction(data.standard.nominal), data.runs[0].model, numbers)
-    kept = tuple(use for use in robot.effects if use.effect not in NUMBERS or any(_values(use).values()))
+    kept = tuple(
+        use for use in robot.effects if not get_effect(use.effect).standard or any(_values(use).values())
+    )
     found = [
         use_of(term.effect.id, term.at, term.parameters)
         for term in fit.hypothesis.terms

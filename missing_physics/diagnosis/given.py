@@ -15,8 +15,6 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["has_two_encoders", "require_usable", "require_weighable"]
 
-#: Friction effects of a robot file that are parameters of the standard model.
-NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
 #: Quantities in which a joint's motion may be recorded.
 ENCODERS = ("motor_position", "position")
 
@@ -105,7 +103,7 @@ def _why_not(robot: Robot, used: UsedEffect) -> str:
 
 def _is_other_law(used: UsedEffect) -> bool:
     """Whether it is friction that is no parameter of the standard model."""
-    return is_friction(used.effect) and used.effect.id not in NUMBERS
+    return is_friction(used.effect) and not used.effect.standard
 
 
 def _why_no_law(used: UsedEffect, drives: Collection[str], laws: set[tuple[str, str]]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import BODIES, TIMING, Hypothesis
-from missing_physics.hypotheses.term import Term
+from missing_physics.hypotheses.term import Term, offsets_of
 from missing_physics.hypotheses.unknown import UNKNOWN, UnknownForce
 from reference_model.effects.base import (
     BodyEffect,
@@ -26,20 +26,10 @@ from reference_model.effects.catalogue import catalogue
 from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Robot
 
-__all__ = ["STANDARD", "Candidate", "candidates"]
+__all__ = ["Candidate", "candidates"]
 
-#: Effects that the standard model already contains: its friction and its offsets.
-STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
-#: Those of them that the standard model has only at motors of transmissions: their joints may have them too.
-AT_COUPLED = frozenset({"viscous_friction", "coulomb_friction"})
 #: Channels known for every joint, recorded or computed.
 KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
-#: Effects of a torque sensor. It has no disc; its offset is the actuator's and its delay is in the timing.
-AT_TORQUE = frozenset({"sensor_gain", "clock_drift"})
-#: Effects of an encoder. At a single joint a late one is a torque that is early by as much.
-AT_POSITION = frozenset(
-    {"sensor_gain", "sensor_offset", "sensor_delay", "clock_drift", "encoder_eccentricity"}
-)
 #: Starting value of the ratio of static to kinetic friction: a textbook value.
 STATIC = 1.3
 
@@ -115,11 +105,12 @@ def candidates(
     for effect in (*catalogue().values(), *UNKNOWN):
         if not effect.is_searched or not effect.estimated:
             continue
-        if isinstance(effect, JointEffect) and effect.id in AT_COUPLED:
+        if isinstance(effect, JointEffect) and effect.standard and effect.is_friction_law:
+            # the standard model has friction only at motors of transmissions: their joints may have it too
             behind = {name: place for name, place in places.items() if place.coupled}
             for joint, place in behind.items():
                 yield from _at_joint(effect, joint, place, terms)
-        if effect.id in STANDARD:
+        if effect.standard:
             continue
         if isinstance(effect, BodyEffect):
             if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
@@ -180,7 +171,7 @@ def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:
 def _beside_motors(effect: Effect) -> bool:
     """Whether the effect is tried at joints whose friction, sensors and unknown forces are at motors."""
     plain = isinstance(effect, JointEffect) and not isinstance(effect, UnknownForce)
-    return plain and not effect.family and not effect.is_event and effect.id not in STANDARD
+    return plain and not effect.family and not effect.is_event and not effect.standard
 
 
 def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, str]]) -> Iterator[Candidate]:
@@ -245,8 +236,8 @@ def _at_sensors(
     encoder = next(
         (f"{joint}.{q}" for q in ("motor_position", "position") if f"{joint}.{q}" in channels), None
     )
-    at = [encoder] if encoder and effect.id in AT_POSITION else []
-    at += [f"{joint}.torque"] if effect.id in AT_TORQUE and f"{joint}.torque" in channels else []
+    at = [encoder] if encoder and "position" in effect.searched_in else []
+    at += [f"{joint}.torque"] if "torque" in effect.searched_in and f"{joint}.torque" in channels else []
     extent = place.extents[0]
     for channel in at:
         if (effect.id, channel) in present:
@@ -278,10 +269,10 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
     if effect.replaces_delay and not place.coupled:
         held = (*held, (f"{joint}.{TIMING}", 0.0))
     constant: dict[str, tuple[float, float]] = {}
-    if "torque_offset" in effect.contains:  # else two parameters would be equivalent
+    if offsets := offsets_of(effect):  # else two parameters would be equivalent
         held = held if place.coupled else (*held, (f"{joint}.offset", 0.0))
-        if place.coupled or any("torque_offset" in t.effect.contains and not t.is_given for t in here):
-            constant = dict.fromkeys(effect.contains["torque_offset"].values(), (0.0, 0.0))
+        if place.coupled or any(offsets_of(t.effect) and not t.is_given for t in here):
+            constant = dict.fromkeys(offsets, (0.0, 0.0))
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):
             values = _initial(effect, {**given, **start}, own)

@@ -8,7 +8,6 @@ import numpy as np
 from missing_physics.bodies.pseudo_inertia import COUNT, pseudo_inertia
 from missing_physics.hypotheses.term import Term
 from missing_physics.plausibility import credible_range, implausible
-from missing_physics.plausibility.table import GRAVITY
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.base import BodyEffect, Parameter
 from reference_model.effects.catalogue import get_effect
@@ -17,10 +16,6 @@ from robot_model import Robot
 __all__ = ["not_credible", "prior_of"]
 
 #: Standard gravity [m/s^2].
-STANDARD_GRAVITY = 9.80665
-#: An encoder's error over a turn [rad or m]: discs are centred to some hundredths of a millimetre on radii of
-#: some centimetres.
-ECCENTRICITY = 1e-3
 #: Longest time over which the twist of a gear follows its torque, damping over stiffness [s]: that of a rotor
 #: which resonates on it at 10 Hz and is damped to a third of critical. Beyond it the gear would creep.
 SLOWEST_TWIST = 0.01
@@ -35,10 +30,6 @@ def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
     known = credible_range(term.effect.id, parameter.name, term.at)
     if known is not None:
         return 0.0, WIDTH * max(-known.low, known.high)
-    if term.effect.id == "gravity":
-        return 0.0, WIDTH * GRAVITY * STANDARD_GRAVITY
-    if term.effect.id == "encoder_eccentricity" and parameter.linear:
-        return 0.0, WIDTH * ECCENTRICITY
     # Behind the only encoder, damping also stands for a delay of the torque.
     if parameter.name == "damping" and "stiffness" in term.parameters and term.along:
         return 0.0, WIDTH * SLOWEST_TWIST * term.parameters["stiffness"]

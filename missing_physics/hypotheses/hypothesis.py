@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from missing_physics.hypotheses.term import Term
+from missing_physics.hypotheses.term import Term, offsets_of
 from reference_model.effects.base import JointEffect
 
 __all__ = ["BODIES", "TIMING", "Hypothesis"]
@@ -61,7 +61,7 @@ class Hypothesis:
         """The hypothesis without one term; standard model parameters that it replaced are free again."""
         left = tuple(other for other in self.terms if other.key != term.key)
         taken = {f"{term.at}.coulomb"} if term.effect.family else set()
-        if "torque_offset" in term.effect.contains and not term.is_given:
+        if offsets_of(term.effect) and not term.is_given:
             taken.add(f"{term.at}.offset")
         if isinstance(term.effect, JointEffect) and term.effect.replaces_delay:
             taken.add(f"{term.at}.{TIMING}")

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from reference_model.effects.base import Effect, JointEffect, Parameter
+from reference_model.effects.catalogue import get_effect
 
-__all__ = ["Term"]
+__all__ = ["Term", "offsets_of"]
 
 
 @dataclass(frozen=True)
@@ -165,3 +166,9 @@ class Term:
             elif smaller in self.freed:
                 found[smaller] = min(found[larger], found[smaller])
         return replace(self, values=tuple(found[p.name] for p in self.effect.parameters))
+
+
+def offsets_of(effect: Effect) -> tuple[str, ...]:
+    """Parameters of an effect that are a constant torque, as the offset of the standard model is."""
+    own = (names for other, names in effect.contains.items() if get_effect(other).standard == "offset")
+    return tuple(name for names in own for name in names.values())

@@ -147,6 +147,7 @@ class Effect(ABC):
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         priors: mean and standard deviation of parameters of which something is known that no recording says.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
+        standard: parameter of the standard model that it is; empty for all but a few.
         is_beyond: it acts beyond a place, which a recording may reach once.
         along_motion: it has regressors along a recorded joint motion.
     """
@@ -170,6 +171,7 @@ class Effect(ABC):
     ordered: ClassVar[tuple[tuple[str, str], ...]] = ()
     priors: ClassVar[Mapping[str, tuple[float, float]]] = {}
     is_event: ClassVar[bool] = False
+    standard: ClassVar[str] = ""
     is_beyond: ClassVar[bool] = False
     along_motion: ClassVar[bool] = True
 
@@ -321,9 +323,14 @@ class BodyEffect(Effect):
 
 
 class SensorEffect(Effect):
-    """Changes what a channel says."""
+    """Changes what a channel says.
+
+    Attributes:
+        searched_in: quantities in whose channels a diagnosis searches for it.
+    """
 
     place = "sensor"
+    searched_in: ClassVar[frozenset[str]] = frozenset({"position"})
 
     @abstractmethod
     def error(self, s: SensorSignals, p: Values) -> ca.SX:

@@ -19,6 +19,7 @@ class ClockDrift(SensorEffect):
 
     id = "clock_drift"
     title = "Clock drift"
+    searched_in = frozenset({"position", "torque", "angular_velocity"})
     parameters = (
         Parameter(
             "rate", "s/s", "how fast the channel runs ahead", -0.02, 0.02, 1e-4, absent=0.0, linear=True

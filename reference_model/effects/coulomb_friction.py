@@ -15,6 +15,7 @@ class CoulombFriction(JointEffect):
     id = "coulomb_friction"
     title = "Coulomb friction"
     place = "joint"
+    standard = "coulomb"
     parameters = (
         Parameter("torque", "N m", "friction torque at any speed", 0.0, 1e5, 5.0, absent=0.0, linear=True),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -28,6 +29,9 @@ class EncoderEccentricity(SensorEffect):
             default=1.0,
         ),
     )
+    #: Discs are centred to some hundredths of a millimetre on radii of some centimetres: 1e-3 rad is two
+    #: standard deviations.
+    priors: ClassVar[Mapping[str, tuple[float, float]]] = {"cosine": (0.0, 5e-4), "sine": (0.0, 5e-4)}
     equation = "measured = q + cosine * cos(order * q) + sine * sin(order * q)"
     source = (
         "Lu, Graetz, Amin-Shahidi and Smeds, CIRP Annals 59 (2010) 529-534 (mounted angle encoders, by "

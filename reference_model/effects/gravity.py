@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import casadi as ca
 
 from reference_model.effects.base import BodyEffect, BodyTerms, Parameter, Values
@@ -30,6 +33,9 @@ class Gravity(BodyEffect):
         )
         for axis in ("x", "y", "z")
     )
+    #: Usual error on the ground: two degrees of tilt, 0.035 of 9.80665 m/s^2, are two standard deviations.
+    #: Floors under automation equipment are level to half a degree.
+    priors: ClassVar[Mapping[str, tuple[float, float]]] = dict.fromkeys("xyz", (0.0, 0.5 * 0.035 * 9.80665))
     equation = "adds (x, y, z) to the gravity vector"
     source = (
         "Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control (2009), ch. 7 "

@@ -19,6 +19,7 @@ class SensorDelay(SensorEffect):
 
     id = "sensor_delay"
     title = "Sensor delay"
+    searched_in = frozenset({"position", "angular_velocity"})
     parameters = (
         # Negative: the other channels of the recording are the late ones.
         Parameter("delay", "s", "how late the channel is", -0.1, 0.5, 2e-3, absent=0.0, linear=True),

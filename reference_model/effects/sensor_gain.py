@@ -18,6 +18,7 @@ class SensorGain(SensorEffect):
 
     id = "sensor_gain"
     title = "Sensor gain error"
+    searched_in = frozenset({"position", "torque", "angular_velocity"})
     parameters = (
         Parameter(
             "gain_error", "-", "measured over true, minus one", -0.9, 2.0, 0.02, absent=0.0, linear=True

@@ -15,6 +15,7 @@ class TorqueOffset(JointEffect):
     id = "torque_offset"
     title = "Torque offset"
     place = "actuator"
+    standard = "offset"
     parameters = (
         Parameter(
             "torque", "N m", "delivered minus commanded torque", -1e5, 1e5, 1.0, absent=0.0, linear=True

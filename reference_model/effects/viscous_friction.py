@@ -15,6 +15,7 @@ class ViscousFriction(JointEffect):
     id = "viscous_friction"
     title = "Viscous friction"
     place = "joint"
+    standard = "viscous"
     parameters = (
         Parameter(
             "coefficient",

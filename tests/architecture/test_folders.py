@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from reference_model.effects.catalogue import catalogue
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("robot_model", "reference_model", "exudyn_model", "missing_physics")
 MOST_MODULES = 12
@@ -94,6 +96,17 @@ def test_every_number_is_counted() -> None:
     lines = "A = 1.0", "B, C = 2, (0.1, 0.3)", "D: float = -A * 2", "E = '1'", "F = {'a': 1}", "G = True"
     text = "\n".join((*lines, "H = frozenset({'b'})"))
     assert [*numbers(text)] == ["A", "B", "C", "D", "F"]
+
+
+@pytest.mark.parametrize("room", ["missing_physics/hypotheses", "missing_physics/inference"])
+def test_no_effect_is_known_by_its_id_where_hypotheses_are_weighed(room: str) -> None:
+    """What the inference has to know of an effect is in the effect's own file."""
+    ids = set(catalogue())
+    for path in (ROOT / room).rglob("*.py"):
+        strings = (
+            node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.Constant)
+        )
+        assert ids.isdisjoint(str(node.value) for node in strings), named(path)
 
 
 def node_of(path: Path) -> str:

@@ -15,16 +15,14 @@ from missing_physics.diagnosis.base.columns import BaseColumns
 from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.hypotheses import Candidate, Term
 from missing_physics.standard import MODEL_ERROR
-from reference_model.effects.base import Effect, Extent, Parameter
-from reference_model.effects.catalogue import catalogue, get_effect
+from reference_model.effects.base import Effect, Extent, Parameter, SensorEffect
+from reference_model.effects.catalogue import catalogue
 
 __all__ = ["candidates", "on_board"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Errors of gyros.
-OF_GYROS = ("sensor_gain", "sensor_delay", "clock_drift")
 #: Starts that are compared at further values of the other numbers, that far from what is known of these, in
 #: standard deviations.
 NEAR, CORNER = 8, 0.5
@@ -33,6 +31,12 @@ NEAR, CORNER = 8, 0.5
 def on_board() -> tuple[Effect, ...]:
     """Effects of the catalogue that turn a base otherwise, and that gyros show."""
     return tuple(effect for effect in catalogue().values() if effect.turns_base)
+
+
+def of_gyros() -> tuple[Effect, ...]:
+    """Errors of gyros."""
+    every = (effect for effect in catalogue().values() if isinstance(effect, SensorEffect))
+    return tuple(effect for effect in every if "angular_velocity" in effect.searched_in)
 
 
 def candidates(
@@ -58,9 +62,8 @@ def candidates(
         if (effect.id, "base") not in present:
             yield from map(Candidate, _leading(list(_starts(effect, runs, left)), left, seen, columns, error))
     for channel in runs[0].channels:
-        for name in OF_GYROS:
-            if (name, channel) not in present:
-                law = get_effect(name)
+        for law in of_gyros():
+            if (law.id, channel) not in present:
                 yield Candidate(Term.of(law, channel, {p.name: 0.0 for p in law.parameters}))
     for term in terms:
         for name in sorted(term.optional - set(term.added)):
