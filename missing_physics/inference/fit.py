@@ -38,6 +38,8 @@ EITHER_SIGN = 0.1
 RIDGE = 1e-9
 #: Part of the information on a parameter that one fold has where the others say less [-].
 ONE_FOLD = 0.5
+#: Part of the largest force of what acts beyond a place that counts as none: filters leave as much [-].
+BEYOND = 0.01
 
 
 @dataclass(frozen=True)
@@ -293,6 +295,12 @@ def _impossible(
             rows, cut = float(data.counts[:, k].sum()), float(gone[:, k].sum())
             if cut > rows - cut:
                 why = f"the drive would be at its limit {cut / rows:.0%} of the time, and follow no command"
+        if not why and term.effect.is_beyond:
+            acts = [np.abs(data.columns(term, run)[:, :, 0]) for run in range(data.fitted)]
+            least = BEYOND * max(float(one.max(initial=0.0)) for one in acts)
+            share = float(np.mean(np.concatenate([(one > least).any(axis=1) for one in acts])))
+            if share > 0.5:
+                why = f"it would act {share:.0%} of the time, as a spring does"
         if why:
             yield term.key, why
 

@@ -78,27 +78,19 @@ def _across(sight: BodySight, point: Array, power: float) -> Iterator[_Wall]:
     gone = np.einsum("ki,ki->k", force, right)  # of the squared forces, at each sample
     size = np.maximum(np.linalg.norm(force, axis=1, keepdims=True), np.finfo(float).tiny)
     _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", gone, force / size, force / size))
+    total = float(np.sum(sight.left**2))
     for axis in (axes[:, -1], *np.eye(3)):
         for normal in (axis, -axis):
             along, height = spread @ normal, _height(sight, point, normal)
-            depths = np.ptp(height) * np.geomspace(LEAST, 1.0, PLACES)
-            offsets = (float(height.min()) + depths).tolist()
-            shares = [_share(sight, along, height, offset, power) for offset in offsets]
+            offsets = float(height.min()) + np.ptp(height) * np.geomspace(LEAST, 1.0, PLACES)
+            force = np.maximum(offsets[:, None] - height, 0.0) ** power  # of a wall of unit stiffness
+            size = force**2 @ np.sum(along**2, axis=1)
+            product = np.maximum(force @ np.sum(along * sight.left, axis=1), 0.0)
+            shares = product**2 / np.maximum(size * total, np.finfo(float).tiny)
             best = int(np.argmax(shares))
-            yield _Wall(normal, point, offsets[best], shares[best])
+            yield _Wall(normal, point, float(offsets[best]), float(shares[best]))
 
 
 def _height(sight: BodySight, point: Array, normal: Array) -> Array:
     """Place of the point along the normal [m], shape (K,)."""
     return np.asarray((sight.position + sight.rotation @ point) @ normal)
-
-
-def _column(along: Array, height: Array, offset: float, power: float) -> Array:
-    """Forces at the joints of a wall of unit stiffness, shape (K, n)."""
-    return np.asarray(along * np.maximum(offset - height, 0.0)[:, None] ** power)
-
-
-def _share(sight: BodySight, along: Array, height: Array, offset: float, power: float) -> float:
-    column = _column(along, height, offset, power)
-    size, product = float(np.sum(column**2)), float(np.sum(column * sight.left))
-    return product**2 / size / float(np.sum(sight.left**2)) if size > 0.0 and product > 0.0 else 0.0

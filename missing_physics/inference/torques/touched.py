@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Candidate, Hypothesis, Term
+from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.torques.runs import Run
 from missing_physics.standard.prediction import knows_links
 from reference_model.effects.body_force import BodySight, ForceEffect
@@ -53,11 +54,16 @@ def at_links(
 
 
 def _term(effect: ForceEffect, link: Link, start: Mapping[str, float]) -> Term:
-    """The effect with all that locates it estimated, but for the longest component of a normal."""
+    """The effect with all that locates it estimated, but for the longest component of a normal.
+
+    Each of these numbers could have many values, and is as improbable as another effect.
+    """
     begin = {p.name: p.absent if p.linear and p.absent is not None else p.typical for p in effect.estimated}
     longest = max((name for name in effect.located if name.startswith(NORMAL)), key=lambda n: abs(start[n]))
     held = {longest: (start[longest], start[longest])}
-    return Term.of(effect, link.name, {**begin, **start}, limits=held, located=frozenset(effect.located))
+    odds = ODDS * (len(effect.located) - len(held))
+    located = frozenset(effect.located)
+    return Term.of(effect, link.name, {**begin, **start}, limits=held, further=odds, located=located)
 
 
 def _is_moved(robot: Robot, link: Link) -> bool:
