@@ -7,15 +7,17 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
-# Compiling robots would cost the quick tests more than it brings; the tests of compiled code switch it on.
-if "MISSING_PHYSICS_COMPILED" not in os.environ:
-    os.environ["MISSING_PHYSICS_COMPILED"] = "off"
-
 # No test depends on elapsed time: machines are shared. A fixture's folder may serve all examples of a test.
 IGNORED = (HealthCheck.too_slow, HealthCheck.function_scoped_fixture)
-QUICK, THOROUGH = 15, 150
-for name, examples in (("quick", QUICK), ("thorough", THOROUGH)):
-    settings.register_profile(name, max_examples=examples, deadline=None, suppress_health_check=IGNORED)
+QUICK, THOROUGH = 10, 150
+for name, examples in (("quick", QUICK), ("thorough", THOROUGH)):  # the quick ones are the same every time
+    settings.register_profile(
+        name,
+        max_examples=examples,
+        derandomize=name == "quick",
+        deadline=None,
+        suppress_health_check=IGNORED,
+    )
 settings.load_profile("quick")  # `make proof` chooses the other one
 
 # A shell that starts tests in the background has them ignore interrupts, which some of them are about.

@@ -141,9 +141,9 @@ def test_effects_that_no_torque_shows_are_said_not_to_be_weighed() -> None:
         row = replace(unnamed, key=replace(RIGHT.key, effect=effect))
         weighed = catalogue()[effect].is_searched or catalogue()[effect].turns_base
         assert (reason(row) == "Nothing is named.") is weighed, effect
-    wall = replace(unnamed, key=replace(RIGHT.key, effect="contact"))
-    assert "does not weigh this effect yet" in reason(wall)
-    assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, wall], command="x")
+    mount = replace(unnamed, key=replace(RIGHT.key, effect="base_motion"))
+    assert "does not weigh this effect yet" in reason(mount)
+    assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, mount], command="x")
 
 
 def test_the_introduction_says_how_often_a_case_is_drawn(

@@ -110,8 +110,23 @@ class Run:
             self._bodies[link] = self.along.body(link)
         return self._bodies[link]
 
+    def seen(self, link: str) -> tuple[Array, Array, Array]:
+        """Position and rotation of a rigid link's frame at the rows, and forces at joints of a wrench there.
+
+        Shapes (K, 3), (K, 3, 3) and (K, n, 6).
+        """
+        if link not in self._seen:
+            (series, spread), kept = self.body(link), self.motion.kept
+            felt = self.along.at_joints(spread)[kept]
+            self._seen[link] = series.position[kept], series.rotation[kept], felt
+        return self._seen[link]
+
     @cached_property
     def _bodies(self) -> dict[str, tuple[BodySeries, Array]]:
+        return {}
+
+    @cached_property
+    def _seen(self) -> dict[str, tuple[Array, Array, Array]]:
         return {}
 
     @cached_property

@@ -19,10 +19,10 @@ __all__ = ["at_links"]
 
 Array = NDArray[np.float64]
 
-#: Samples of a recording that are looked at, evenly spaced; a contact of a hundredth of it has fifteen.
-SAMPLES = 1500
+#: Samples of a recording that are looked at, evenly spaced; a contact of a hundredth of it has ten.
+SAMPLES = 1000
 #: Most starting values of all links together, and how the components of a direction are called.
-STARTS, NORMAL = 8, "normal_"
+STARTS, NORMAL = 4, "normal_"
 
 
 def at_links(
@@ -81,11 +81,10 @@ def _sight(robot: Robot, link: Link, runs: Sequence[Run], left: Sequence[Array],
     places, turns, spreads, forces = [], [], [], []
     for run, own in zip(runs, left):
         some = np.arange(len(own))[:: max(len(own) // SAMPLES, 1)]
-        series, spread = run.body(link.name)
-        kept = np.arange(run.motion.time.size)[run.motion.kept][some]
-        places.append(series.position[kept])
-        turns.append(series.rotation[kept])
-        spreads.append(run.along.at_joints(spread)[kept] / sigma[:, None])
+        place, turn, spread = run.seen(link.name)
+        places.append(place[some])
+        turns.append(turn[some])
+        spreads.append(spread[some] / sigma[:, None])
         forces.append(-own[some] / sigma)
     return BodySight(
         np.concatenate(places),

@@ -65,7 +65,7 @@ def test_friction_inside_the_robot_keeps_the_momentum(seed: int) -> None:
 @pytest.mark.parametrize(
     "numbers",
     [
-        {"force": 3.0, "moment": 1.0, "start": 10.0, "stop": 13.0},
+        pytest.param({"force": 3.0, "moment": 1.0, "start": 10.0, "stop": 13.0}, marks=pytest.mark.proof),
         pytest.param({"moment": 0.3, "start": 0.0, "stop": 100.0}, marks=pytest.mark.proof),
     ],
     ids=["burst", "steady"],
