@@ -133,9 +133,7 @@ def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probabili
         notes.append(f"These recordings do not show {names}.")
     for p in term.effect.parameters:
         if p.name in term.located and p not in term.free:
-            notes.append(
-                f"{p.name} is held at {term.parameters[p.name]:.3g}: of these only the ratio counts."
-            )
+            notes.append(f"{p.name} is held at {term.parameters[p.name]:.3g}, as only the direction counts.")
     return Finding(
         effect=term.effect.id,
         location=term.at,

@@ -180,7 +180,7 @@ def _words(
     parts = [f"{joint}: {share:.0%} of the mismatch"]
     for one in depends[:2]:
         quantity = one.variable.rpartition(".")[2]
-        unit = "s" if one.variable == "time" else unit_of(one.variable, prismatic=prismatic)
+        unit = unit_of(one.variable, prismatic=prismatic)
         parts.append(
             f"a curve over {quantity} explains {one.share:.0%} of it, mostly from "
             f"{range_text(*one.range, unit)}"

@@ -70,12 +70,14 @@ def unit_of(channel: str, *, prismatic: bool = False) -> str:
     """Unit of a native channel, e.g. ``unit_of("joint1.torque")`` is ``"N m"``.
 
     Args:
-        channel: ``PLACE.QUANTITY[.AXIS]``.
+        channel: ``PLACE.QUANTITY[.AXIS]``, or ``time``.
         prismatic: the place is a prismatic joint, so that angles are lengths and torques are forces.
 
     Returns:
         The unit, or ``"-"`` when the quantity is not a native one. ``base.position`` is in m.
     """
+    if channel == "time":
+        return "s"
     parts = channel.split(".")
     unit = QUANTITIES.get(parts[1] if len(parts) > 1 else "", "-")
     linear = prismatic or (parts[0] == "base" and len(parts) > 1 and parts[1] == "position")

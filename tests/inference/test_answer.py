@@ -15,6 +15,7 @@ from missing_physics.evaluation import evaluate
 from missing_physics.hypotheses import Hypothesis, Term
 from missing_physics.inference import Fit, fitted, search, weighed
 from missing_physics.inference.torques.data import TorqueData
+from missing_physics.reporting.elements.curves import drawn
 from missing_physics.results.result import Result
 from missing_physics.standard import fit_standard
 from reference_model.effects.catalogue import get_effect
@@ -123,6 +124,7 @@ def test_friction_that_falls_with_time_is_described_without_a_name(arm: Robot) -
     # of a polynomial of the fourth degree
     assert early - late == pytest.approx(0.4 * (np.exp(-1.0 / 6.0) - np.exp(-20.0 / 6.0)), rel=0.1)
     assert told.verdict == "unexplained"
+    assert drawn(force, arm).across == "time [s]"
 
 
 def test_a_force_that_held_out_data_contradict_is_not_stated(arm: Robot) -> None:

@@ -44,7 +44,7 @@ def _row(mismatch: Mismatch, prismatic: set[str]) -> dict[str, object]:
 
 def _dependence(dependence: Dependence, prismatic: set[str]) -> str:
     place = dependence.variable.split(".")[0]
-    unit = "s" if place == "time" else unit_of(dependence.variable, prismatic=place in prismatic)
+    unit = unit_of(dependence.variable, prismatic=place in prismatic)
     where = range_text(*dependence.range, unit)
     return f"{dependence.variable} {where}: {percent(dependence.share)} of its energy"
 
