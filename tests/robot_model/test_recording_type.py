@@ -136,7 +136,7 @@ def test_channels_can_be_added_without_changing_the_first() -> None:
         ("base.position.x", False, "m"),
         ("base.angular_velocity.z", False, "rad/s"),
         ("joint1.colour", False, "-"),
-        ("time", False, "-"),
+        ("time", False, "s"),
     ],
 )
 def test_units(channel: str, prismatic: bool, unit: str) -> None:
