@@ -23,6 +23,7 @@ __all__ = [
     "EVIDENCE",
     "EXAMPLES",
     "ROOT",
+    "bullets",
     "command_line",
     "commit",
     "final_values",
@@ -32,7 +33,6 @@ __all__ = [
     "percent",
     "recording_of",
     "table",
-    "told",
 ]
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -104,7 +104,7 @@ def percent(value: float, digits: int = 2) -> str:
     return f"{100 * value:.{digits}f} %"
 
 
-def told(items: Sequence[str]) -> str:
+def bullets(items: Sequence[str]) -> str:
     """Sentences as a list; says so when there are none."""
     return "\n".join(f"- {item}" for item in items) if items else "- nothing"
 

@@ -39,7 +39,7 @@ from missing_physics.challenge.draws.manoeuvre import (
     slow_sines,
 )
 from missing_physics.challenge.draws.robots import ROBOTS, draw_robot, friction_at, with_coulomb, without
-from missing_physics.challenge.draws.warming import fading, told, warmed
+from missing_physics.challenge.draws.warming import fading, warmed, with_thermometer
 from missing_physics.challenge.scoring.information import distances, strengths
 from missing_physics.challenge.torques.along import ArmAlong
 from reference_model.effects.base import GearEffect
@@ -132,8 +132,8 @@ class Case:
             return first, second
         seeds = self.design.noise_seeds
         return (
-            told(self.warming, self.first, first, seeds[0]),
-            told(self.warming, self.second, second, seeds[1]),
+            with_thermometer(self.warming, self.first, first, seeds[0]),
+            with_thermometer(self.warming, self.second, second, seeds[1]),
         )
 
     @property

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from benchmarks.effects.null_cases import wilson
 from benchmarks.effects.ranges import GEARS
 from benchmarks.effects.runs import ATTEMPTS, Key, Row
 from benchmarks.evidence import head, number, paragraph, percent, table
 from missing_physics.challenge.scoring.information import IDENTIFIABLE
+from missing_physics.challenge.scoring.shares import wilson
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.history.page import page, peers
 from benchmarks.history.rows import appended, changes, read, row_of, write
-from benchmarks.history.table import told
+from benchmarks.history.table import ratios
 from benchmarks.history.viewer import write_history
 from robot_model import InputError
 from robot_model.system.files import write_atomically
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return UNREADABLE
-    print(told(report, changes(rows)))
+    print(ratios(report, changes(rows)))
     slower = [change for change in changes(rows) if change.regressed]
     for change in slower:
         share = change.now / (change.before or 1.0)

@@ -7,13 +7,13 @@ from typing import Any
 
 from benchmarks.history.rows import Change, grouped
 
-__all__ = ["told"]
+__all__ = ["ratios"]
 
 MILLI = 1e3
 HEADINGS = ("against", "ours [ms]", "theirs [ms]", "ratio", "before")
 
 
-def told(report: Mapping[str, Any], changes: Sequence[Change]) -> str:
+def ratios(report: Mapping[str, Any], changes: Sequence[Change]) -> str:
     """One line for each peer, by group: what both took, and how many times as fast we are.
 
     Args:

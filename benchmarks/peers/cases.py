@@ -32,9 +32,12 @@ Array = NDArray[np.float64]
 ORDER = 4
 #: Samples kept per period of the cut-off, and periods of it left out at both ends.
 KEPT_PER_PERIOD, EDGE_PERIODS = 4.0, 2.0
-#: Friction or a lag that depends on the torque is found in so many rounds: a share of a half is then followed
-#: to 1e-4.
-ROUNDS = 14
+#: Friction or a lag that depends on the torque is iterated until the torque changes by less than this part of
+#: its rms, or so many times: a lag of 0.1 s needs most.
+SETTLED, ROUNDS = 1e-4, 300
+#: Joints slower than this part of their largest speed are left out of the errors: what static friction holds
+#: at rest no model predicts.
+MOVING = 0.02
 #: Seeds of the simulated cases: sizes and noise of the fitted recording, noise of the held-out one.
 ARM_SEEDS, AXIS_SEEDS = (10300, 10310), (10301, 10311)
 #: The held-out motion of a simulated robot: its frequencies are these times the reference motion's.
@@ -57,7 +60,7 @@ class Case:
         rate: grid on which the motion is estimated [Hz].
         known: `effect@place.parameter` or an inertial number to its published or true value.
         truth: "published" or "true".
-        hidden: what is missing beyond what the other tools are told, in words.
+        hidden: what is missing beyond the terms that the other tools fit, in words.
     """
 
     title: str
@@ -161,15 +164,18 @@ class Motion:
     def predicted(self, robot: Robot) -> Array:
         """Torque that `robot` with all its effects needs along this motion, shape (N, n).
 
-        Where a voltage is recorded, it is the voltage that `robot` needs with its own motor, told as the
+        Where a voltage is recorded, it is the voltage that `robot` needs with its own motor, given as the
         torque that the nominal robot's motor makes of it: so that other motor constants are no way to change
         what was measured. Nothing that was measured of the actuators enters.
         """
         along = ArmAlong(robot, self.exact)
         torque = along.rigid.copy()
-        for _ in range(ROUNDS if _uses_torque(robot) else 1):
+        for _ in range(ROUNDS):
+            before = torque
             vars(along)["torque"] = torque  # not the measured one, which is what is to be predicted
             torque = along.rigid + self._effects(along, robot)
+            if np.std(torque - before) <= SETTLED * np.std(torque):
+                break
         for k, joint in enumerate(robot.moving_joints):
             if f"{joint.name}.torque" not in self.recording:
                 constant, resistance = motor_of(joint)
@@ -191,6 +197,12 @@ class Motion:
             added += along.part(use, friction=friction[:, k])
         return added
 
+    @cached_property
+    def moves(self) -> NDArray[np.bool_]:
+        """Where each joint is compared, at the rows of `reduced`, shape (K, n)."""
+        speed = np.abs(self.reduced(self.state[1]))
+        return np.asarray(speed > MOVING * speed.max(axis=0))
+
     def reduced(self, values: Array) -> Array:
         """Filtered like the torque, ends left out, decimated; along the first axis."""
         edge = int(EDGE_PERIODS * self.rate / self.cutoff)
@@ -206,11 +218,6 @@ class Motion:
 
     def _column(self, channel: str) -> Array:
         return np.asarray(np.interp(self.time, self.recording.time, self.recording[channel]))
-
-
-def _uses_torque(robot: Robot) -> bool:
-    """Whether an effect of the robot depends on the torque itself."""
-    return any(getattr(get_effect(use.effect), "uses_torque", False) for use in robot.effects)
 
 
 def motor_of(joint: Joint) -> tuple[float, float]:

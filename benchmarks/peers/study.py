@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks.evidence import EVIDENCE, head, number, percent, table, told
+from benchmarks.evidence import EVIDENCE, bullets, head, number, percent, table
 from benchmarks.peers import tools as peer_tools
-from benchmarks.peers.cases import CASES, Case, load_case
+from benchmarks.peers.cases import CASES, MOVING, Case, load_case
 from benchmarks.peers.sysid import ITERATIONS, WINDOW, mujoco_sysid
 from benchmarks.peers.tools import THRESHOLDS, Answer
 from missing_physics.challenge.scoring.baselines import REGRESSORS
@@ -90,19 +90,20 @@ TOOLS: tuple[Tool, ...] = (
         "-",
     ),
 )
-INTRODUCTION = """\
+INTRODUCTION = f"""\
 Each tool gets the same nominal robot and the same fitted recordings, and the held-out recordings are shown to
 none. **Error**: whatever a tool found is put into the torque that it predicts along the held-out motion; rms
-of measured minus predicted torque over rms of measured torque, all samples counted, both through the same
-filter. The motion is estimated once for all of them, by the usual recipe (zero-phase Butterworth filter,
+of measured minus predicted torque over rms of measured torque, both through the same filter, where the joint
+moves at more than {100 * MOVING:g} % of its largest speed: what static friction holds at rest no tool
+predicts. The motion is estimated once for all of them, by the usual recipe (zero-phase Butterworth filter,
 spline, decimation) and not by the diagnosis, which estimates its own for its fits; no tool's prediction
-sees the measured torque. Of the servo a voltage is
-recorded; there the error is that of the voltage, told as the torque of the nominal motor. **Time**: processor
-seconds of this process in this run, after everything is read and imported. mujoco.sysid fits positions of
-free runs and is measured by torque all the same; least squares and the sparse regression fit what is measured
-here. The tools are not made for the same job: what is a peer's and what is not is in the last column of the
-first table. EMPS and the servo are real; nobody knows the truth there, and published values come from fits
-with a chosen structure. Seeds of the simulated recordings are development seeds."""
+sees the measured torque. Of the servo a voltage is recorded; there the error is that of the voltage, given as
+the torque of the nominal motor. **Time**: processor seconds of this process in this run, after everything is
+read and imported. mujoco.sysid fits positions of free runs and is measured by torque all the same; least
+squares and the sparse regression fit what is measured here. The tools are not made for the same job: what is
+a peer's and what is not is in the last column of the first table. EMPS and the servo are real; nobody knows
+the truth there, and published values come from fits with a chosen structure. Seeds of the simulated
+recordings are development seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -145,7 +146,7 @@ def _version(name: str) -> str:
 def _section(case: Case) -> Iterator[str]:
     for motion in (*case.motions, *case.held_out_motions):  # estimated once, before the clock runs
         motion.along.regressor, motion.along.nominal(), motion.torque
-    rows, told_beside = [], []
+    rows, notes = [], []
     for tool in TOOLS:
         with threadpool_limits(limits=1):
             began = time.process_time()
@@ -155,7 +156,7 @@ def _section(case: Case) -> Iterator[str]:
         shown = f"{seconds:.2g}" if answer.predicted else "-"
         rows.append([tool.title, *_errors(case, answer), shown, _found(answer.found, case.known)])
         if answer.note:
-            told_beside.append(f"{tool.title}: {answer.note}")
+            notes.append(f"{tool.title}: {answer.note}")
     joints = case.motions[0].joints
     errors = ["error:"] if len(joints) == 1 else [f"error at {joint}:" for joint in joints]
     known = "; ".join(f"`{label}` {number(value)}" for label, value in case.known.items())
@@ -164,7 +165,7 @@ def _section(case: Case) -> Iterator[str]:
     if case.hidden:
         yield f"Beyond what the other tools can say here: {case.hidden}."
     yield table(["tool", *errors, "time [s]:", f"found ({case.truth} in brackets)"], rows)
-    yield told(told_beside)
+    yield bullets(notes)
 
 
 def _errors(case: Case, answer: Answer) -> list[str]:
@@ -172,9 +173,11 @@ def _errors(case: Case, answer: Answer) -> list[str]:
     motions = case.held_out_motions
     if not answer.predicted:
         return ["-"] * len(motions[0].joints)
+    moves = np.concatenate([m.moves for m in motions])
     left = np.concatenate([m.reduced(m.torque - p) for m, p in zip(motions, answer.predicted)])
     measured = np.concatenate([m.reduced(m.torque) for m in motions])
-    return [percent(e) for e in np.sqrt(np.mean(left**2, axis=0) / np.mean(measured**2, axis=0))]
+    energy, whole = (np.sum(moves * values**2, axis=0) for values in (left, measured))
+    return [percent(e) for e in np.sqrt(energy / whole)]
 
 
 def _found(found: Mapping[str, tuple[float, float | None]], known: Mapping[str, float]) -> str:

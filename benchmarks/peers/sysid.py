@@ -1,6 +1,6 @@
-"""MuJoCo's system-identification toolbox on a case: parameters of a structure that it is told.
+"""MuJoCo's system-identification toolbox on a case: parameters of a structure that it is given.
 
-It is told what the usual friction model has: viscous friction (`damping`) and Coulomb friction
+It is given what the usual friction model has: viscous friction (`damping`) and Coulomb friction
 (`frictionloss`) in every joint, an offset of every motor, and every mass that the robot file does not keep
 (where all are kept, every rotor inertia). It simulates the fitted recordings in windows, each from the
 estimated state at its beginning, under the recorded torque or voltage, and fits the joints' positions.

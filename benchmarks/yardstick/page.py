@@ -155,7 +155,7 @@ def _row(row: Machine, found: Answer) -> Iterator[str]:
         sentences.append("Forces without a name: " + " ".join(one["words"] for one in told["unnamed"]))
     timing = list(_timing(told["timing"]))
     if timing:
-        sentences.append(f"Torque beside the motion: {'; '.join(timing)}.")
+        sentences.append(f"Delay of the torque: {'; '.join(timing)}.")
     yield " ".join([*sentences, spent])
     lines = [*_lines(found), *((joint, "", "not judged", "", "", "", "") for joint in told["not_judged"])]
     if lines:

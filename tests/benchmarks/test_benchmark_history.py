@@ -17,7 +17,7 @@ from benchmarks.history import rows as history
 from benchmarks.history.__main__ import main
 from benchmarks.history.page import page
 from benchmarks.history.rows import ALLOWED, ENOUGH, WINDOW, Row, appended, changes, read, row_of, write
-from benchmarks.history.table import told
+from benchmarks.history.table import ratios
 from benchmarks.history.viewer import TIMELINE, entity, write_history
 from benchmarks.work_precision.study import bench_part
 from robot_model import InputError
@@ -192,10 +192,10 @@ def test_a_bad_history_is_reported_in_one_sentence(
     (tmp_path / "report.json").write_text(json.dumps(report()))
     words = [str(tmp_path / "report.json"), "--history", str(path), "--html", str(page_path)]
     assert main(words) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("\n") == 1
-    assert "history.json" in told.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert "history.json" in printed.err
     assert path.read_text(encoding="latin-1") == content  # a history is never thrown away
     assert not page_path.exists()
 
@@ -269,7 +269,7 @@ def test_a_report_without_peers_adds_no_row(tmp_path: Path, capsys: pytest.Captu
 def test_the_printed_table_has_what_both_took_and_the_ratio() -> None:
     found = report(own=1e-3, peer=4e-2)
     row = row_of(found, versions={}, load=0.0)
-    lines = told(found, changes([row])).splitlines()
+    lines = ratios(found, changes([row])).splitlines()
     assert lines[0].split() == ["against", "ours", "[ms]", "theirs", "[ms]", "ratio", "before"]
     assert lines[1] == "motion: flexible"
     assert lines[2].split() == ["Exudyn", "RK44", "1", "40", "40", "-"]

@@ -137,9 +137,9 @@ class Concealed:
     def _measured(self, robot: Robot, exact: Recording, seed: int) -> Recording:
         made, warm = self._sensed(robot, exact, seed), self.design.warming
         if not self.design.conditions.factors.controller_known:
-            told = {name: x for name, x in made.channels.items() if not name.endswith(".reference_position")}
-            made = replace(made, channels=told)
-        return warming.told(warm, exact, made, seed) if warm else made
+            recorded = {n: x for n, x in made.channels.items() if not n.endswith(".reference_position")}
+            made = replace(made, channels=recorded)
+        return warming.with_thermometer(warm, exact, made, seed) if warm else made
 
     def _sensed(self, robot: Robot, exact: Recording, seed: int) -> Recording:
         """What the sensors make of the torques as logged, and of every other channel."""

@@ -18,7 +18,7 @@ from missing_physics.challenge.cases.truth import Warming
 from missing_physics.challenge.draws.robots import friction_at
 from robot_model import Recording, Robot
 
-__all__ = ["EFFECT", "ROOM", "draw_warming", "fading", "temperature", "told", "warmed"]
+__all__ = ["EFFECT", "ROOM", "draw_warming", "fading", "temperature", "warmed", "with_thermometer"]
 
 EFFECT = "temperature_dependent_friction"
 #: Temperature at which friction laws hold as given [K].
@@ -50,7 +50,7 @@ def warmed(warming: Warming, recording: Recording) -> Recording:
     return replace(recording, channels={**recording.channels, f"{warming.joint}.temperature": true})
 
 
-def told(warming: Warming, exact: Recording, recording: Recording, seed: int) -> Recording:
+def with_thermometer(warming: Warming, exact: Recording, recording: Recording, seed: int) -> Recording:
     """`recording` with what the thermometer says of `exact`."""
     channel = f"{warming.joint}.temperature"
     noise = np.random.default_rng([seed, 17]).normal(0, warming.noise, len(exact.time))
