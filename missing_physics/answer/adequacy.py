@@ -12,7 +12,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import UnknownForce
 from missing_physics.inference import Data, Fit
 from missing_physics.results.comparison import AT_NOISE, LITTLE
 
@@ -37,7 +36,7 @@ def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
         fit: the stated hypothesis.
     """
     explained = dict(zip(data.joints, _explained(data, fit)))
-    explained |= {t.at: np.False_ for t in fit.hypothesis.terms if isinstance(t.effect, UnknownForce)}
+    explained |= {t.at: np.False_ for t in fit.hypothesis.terms if t.effect.is_unknown}
 
     def adequacy(place: str) -> float:
         joint = place.split(".")[0]

@@ -40,7 +40,6 @@ from missing_physics.standard.layout import Information
 from missing_physics.standard.prediction import knows_links
 from missing_physics.standard.rows import common_band, rows_of, without_friction
 from reference_model.effects.base import Effect
-from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Recording, Robot, robot_to_toml, unit_of
 
@@ -176,7 +175,7 @@ def _not_searched(robot: Robot, searched: Collection[str]) -> str:
 
 
 def _is_searched(effect: Effect, robot: Robot) -> bool:
-    on_link = isinstance(effect, ForceEffect) and effect.along_link
+    on_link = effect.along_link
     return effect.is_searched and (not on_link or knows_links(robot))
 
 

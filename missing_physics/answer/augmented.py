@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from missing_physics.hypotheses import Term, UnknownForce
+from missing_physics.hypotheses import Term
 from missing_physics.inference import Fit
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard.model import as_robot, use_of
@@ -44,7 +44,7 @@ def _is_left_out(term: Term, data: TorqueData) -> bool:
 
     A robot file would apply it to all of them.
     """
-    return isinstance(term.effect, UnknownForce) or (term.run is not None and len(data.runs) > 1)
+    return term.effect.is_unknown or (term.run is not None and len(data.runs) > 1)
 
 
 def _values(use: EffectUse) -> dict[str, float]:

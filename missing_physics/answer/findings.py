@@ -13,14 +13,14 @@ from scipy.stats import norm
 from missing_physics.answer.adequacy import adequacies
 from missing_physics.answer.bodies import Load, is_on_body
 from missing_physics.bodies.pseudo_inertia import COUNT
-from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
+from missing_physics.hypotheses import BODIES, TIMING, Term
 from missing_physics.inference import Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard.model import EFFECTS
-from reference_model.effects.base import JointEffect, Parameter
+from reference_model.effects.base import Parameter
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint
 
@@ -76,7 +76,7 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
     """
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
-        if isinstance(term.effect, UnknownForce) or term.is_given:
+        if term.effect.is_unknown or term.is_given:
             continue
         if bodies and is_on_body(term.effect):
             continue
@@ -318,7 +318,7 @@ def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iter
     level = fit.number(f"{joint}.coulomb") + sum(law.get("coulomb_torque", 0.0) for law in laws)
     if abs(value) <= level:
         for other in catalogue().values():
-            if isinstance(other, JointEffect) and other.is_friction_law and effect in other.contains:
+            if other.is_friction_law and effect in other.contains:
                 yield other.id
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import BODIES, Hypothesis, UnknownForce
+from missing_physics.hypotheses import BODIES, Hypothesis
 from missing_physics.inference import Fit, fitted
 from missing_physics.inference.torques.data import TorqueData
 from reference_model.effects.base import BodyEffect
@@ -91,7 +91,7 @@ def _file(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
 
     A file has no events, but its numbers are estimated beside those of the recordings.
     """
-    kept = tuple(term for term in hypothesis.terms if not isinstance(term.effect, UnknownForce))
+    kept = tuple(term for term in hypothesis.terms if not term.effect.is_unknown)
     if len(kept) == len(hypothesis.terms) and hypothesis is start.hypothesis:
         return start
     return _possible(data, replace(hypothesis, terms=kept), start)

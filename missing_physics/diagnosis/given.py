@@ -8,9 +8,7 @@ from itertools import combinations
 from missing_physics.standard.prediction import knows_links
 from missing_physics.standard.rows import is_friction
 from reference_model.effects.base import GearEffect
-from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
-from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["has_two_encoders", "require_usable", "require_weighable"]
@@ -91,11 +89,11 @@ def _robot_lacks(robot: Robot) -> str:
 def _why_not(robot: Robot, used: UsedEffect) -> str:
     if used.effect.along_motion and not (robot.transmissions and isinstance(used.effect, GearEffect)):
         return ""
-    if isinstance(used.effect, StructureEffect) and used.effect.beam_number and not robot.transmissions:
+    if used.effect.beam_number and not robot.transmissions:
         link = robot.link(used.at)
         if link.beam is not None:
             return ""
-    if isinstance(used.effect, ForceEffect) and used.effect.along_link and knows_links(robot):
+    if used.effect.along_link and knows_links(robot):
         return ""
     here = f"the robot file has {used.effect.id} at '{used.at}'"
     return f"{here}, which cannot be taken as known; leave it out"

@@ -11,7 +11,7 @@ import numpy as np
 from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import BODIES, TIMING, Hypothesis
 from missing_physics.hypotheses.term import Term, offsets_of
-from missing_physics.hypotheses.unknown import UNKNOWN, UnknownForce
+from missing_physics.hypotheses.unknown import UNKNOWN
 from reference_model.effects.base import (
     BodyEffect,
     Effect,
@@ -105,7 +105,7 @@ def candidates(
     for effect in (*catalogue().values(), *UNKNOWN):
         if not effect.is_searched or not effect.estimated:
             continue
-        if isinstance(effect, JointEffect) and effect.standard and effect.is_friction_law:
+        if effect.standard and effect.is_friction_law:
             # the standard model has friction only at motors of transmissions: their joints may have it too
             behind = {name: place for name, place in places.items() if place.coupled}
             for joint, place in behind.items():
@@ -170,7 +170,7 @@ def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:
 
 def _beside_motors(effect: Effect) -> bool:
     """Whether the effect is tried at joints whose friction, sensors and unknown forces are at motors."""
-    plain = isinstance(effect, JointEffect) and not isinstance(effect, UnknownForce)
+    plain = isinstance(effect, JointEffect) and not effect.is_unknown
     return plain and not effect.family and not effect.is_event and not effect.standard
 
 
@@ -247,7 +247,7 @@ def _at_sensors(
             yield Candidate(Term.of(effect, channel, values, limits=_limits(effect, extent)))
 
 
-def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Term]) -> Iterator[Candidate]:
+def _at_joint(effect: Effect, joint: str, place: Place, terms: Sequence[Term]) -> Iterator[Candidate]:
     here = [term for term in terms if term.at == joint]
     if any(term.effect.id == effect.id for term in here):
         return
@@ -278,8 +278,7 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
             values = _initial(effect, {**given, **start}, own)
             for at_run in (run, None) if effect.is_event else (None,):  # once, or at this time in every run
                 term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own) | constant)
-                along = effect.along if isinstance(effect, UnknownForce) else ()
-                yield Candidate(term, held, instead, frozenset(f"{joint}.{name}" for name in along))
+                yield Candidate(term, held, instead, frozenset(f"{joint}.{name}" for name in effect.along))
 
 
 def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:

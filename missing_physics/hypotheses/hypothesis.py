@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from missing_physics.hypotheses.term import Term, offsets_of
-from reference_model.effects.base import JointEffect
 
 __all__ = ["BODIES", "TIMING", "Hypothesis"]
 
@@ -63,7 +62,7 @@ class Hypothesis:
         taken = {f"{term.at}.coulomb"} if term.effect.family else set()
         if offsets_of(term.effect) and not term.is_given:
             taken.add(f"{term.at}.offset")
-        if isinstance(term.effect, JointEffect) and term.effect.replaces_delay:
+        if term.effect.replaces_delay:
             taken.add(f"{term.at}.{TIMING}")
         held = tuple((name, value) for name, value in self.held if name not in taken)
         return replace(self, terms=left, held=held)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from reference_model.effects.base import Effect, JointEffect, Parameter
+from reference_model.effects.base import Effect, Parameter
 from reference_model.effects.catalogue import get_effect
 
 __all__ = ["Term", "offsets_of"]
@@ -108,7 +108,7 @@ class Term:
 
     def is_linear(self, p: Parameter) -> bool:
         """Whether recorded torques are linear in a parameter, along one motion."""
-        shares = isinstance(self.effect, JointEffect) and self.effect.shares_torque and not self.in_rows
+        shares = self.effect.shares_torque and not self.in_rows
         return p.linear and not shares
 
     @property

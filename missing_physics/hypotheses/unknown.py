@@ -9,6 +9,7 @@ every known effect, there is physics that the catalogue cannot name.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -33,14 +34,14 @@ class UnknownForce(JointEffect):
     source = "Chebyshev series"
     signature = "a residual that is a function of one variable"
     experiment = "repeat the motion at other speeds and over other ranges"
+    is_unknown = True
     #: Name of the variable, as in a recording.
     variable: str
     #: Whether the variable belongs to the joint.
     of_joint = True
     #: Factor of the curve.
     carrier = ""
-    #: Parameters of the standard model whose contributions depend on the same variable.
-    along: tuple[str, ...] = ("offset",)
+    along: ClassVar[tuple[str, ...]] = ("offset",)
 
     def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Knots at which the curve is shown, for these parameters, shape (K,)."""
@@ -83,19 +84,25 @@ def _parameters(count: int, variable: str) -> tuple[Parameter, ...]:
     )
 
 
-class _OfPosition(UnknownForce):
+class _Smooth(UnknownForce):
+    """A curve of the position or of the time; against the motion where the direction is its carrier."""
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        """A curve over the covered range, or over the duration, which all recordings begin alike."""
+        low, high = extent.position if self.of_joint else (0.0, extent.duration)
+        return ({"low": low, "high": high},)
+
+    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        """The curve, as a force on the joint."""
+        found = self._curve(getattr(s, self.variable), p, [q.name for q in self.estimated])
+        return s.sign * found if self.carrier else found
+
+
+class _OfPosition(_Smooth):
     """A force that depends on the position."""
 
     id, title, variable = "unknown_of_position", "A force of the position", "position"
     parameters = _parameters(OVER_POSITION, "rad")
-
-    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """A curve over the covered range."""
-        return ({"low": extent.position[0], "high": extent.position[1]},)
-
-    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        """The curve, as a force on the joint."""
-        return self._curve(s.position, p, [q.name for q in self.estimated])
 
 
 class _OfDirectionAndPosition(_OfPosition):
@@ -104,10 +111,6 @@ class _OfDirectionAndPosition(_OfPosition):
     id, title = "unknown_of_direction_and_position", "A force of direction and position"
     carrier = "direction"
     along = ("coulomb",)
-
-    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        """The curve times the direction, as a force on the joint."""
-        return s.sign * self._curve(s.position, p, [q.name for q in self.estimated])
 
 
 class _OfVelocity(UnknownForce):
@@ -143,20 +146,12 @@ class _OfVelocity(UnknownForce):
         return 0.5 * (1.0 + s.sign) * forward + 0.5 * (1.0 - s.sign) * backward
 
 
-class _OfTime(UnknownForce):
-    """A force that drifts over the recordings, which all begin alike."""
+class _OfTime(_Smooth):
+    """A force that drifts over the recordings."""
 
     id, title, variable = "unknown_of_time", "A force of the time", "time"
     of_joint = False
     parameters = _parameters(OVER_TIME, "s")
-
-    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """A curve over the duration."""
-        return ({"low": 0.0, "high": extent.duration},)
-
-    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        """The curve, as a force on the joint."""
-        return self._curve(s.time, p, [q.name for q in self.estimated])
 
 
 class _OfDirectionAndTime(_OfTime):
@@ -165,10 +160,6 @@ class _OfDirectionAndTime(_OfTime):
     id, title = "unknown_of_direction_and_time", "A force of direction and time"
     carrier = "direction"
     along = ("coulomb",)
-
-    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        """The curve times the direction, as a force on the joint."""
-        return s.sign * self._curve(s.time, p, [q.name for q in self.estimated])
 
 
 #: One unknown force of each kind.

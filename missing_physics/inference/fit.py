@@ -20,7 +20,6 @@ from missing_physics.inference.problem import Problem
 from missing_physics.standard.fit import FILE, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import AGREED, HALVINGS
-from reference_model.effects.base import JointEffect
 
 __all__ = ["FILE", "RIDGE", "Fit", "contributions", "fitted", "of_one_fold", "refiled", "residuals"]
 
@@ -245,14 +244,17 @@ def _judged(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, en
 
 def _kept(problem: Problem, weight: Array) -> Mask:
     """Which parameters of terms a fit without one fold keeps, as no other determines them: shape (F, P)."""
-    first = problem.data.start.size
-    parts = [np.diag(part.weighted(weight)[0])[first:] for part in problem.folds.values()]
-    found = of_one_fold(np.array(parts))
-    beyond, event = (
-        np.repeat([flag(term.effect) for term in problem.terms], [len(term.free) for term in problem.terms])
-        for flag in (lambda effect: effect.is_beyond, lambda effect: effect.is_event)
+    widths = [len(term.free) for term in problem.terms]
+    event, beyond = (
+        np.repeat([flag(term.effect) for term in problem.terms], widths).astype(bool)
+        for flag in (lambda effect: effect.is_event, lambda effect: effect.is_beyond)
     )
-    return np.asarray((found & beyond.astype(bool)) | event.astype(bool))
+    kept = np.tile(event, (len(problem.folds), 1))
+    if beyond.any():
+        first = problem.data.start.size
+        parts = [np.diag(part.weighted(weight)[0])[first:] for part in problem.folds.values()]
+        kept |= of_one_fold(np.array(parts)) & beyond
+    return kept
 
 
 def of_one_fold(information: Array) -> Mask:
@@ -290,7 +292,7 @@ def _impossible(
             made = (own[k] @ numbers[data.acts[k]] for own in data.own)
             needed = max(float(np.abs(one).max()) for one in made)
         why = not_credible(term, data.robot, needed)
-        if not why and isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
+        if not why and term.effect.cuts_torque:
             k = data.joints.index(term.at)
             rows, cut = float(data.counts[:, k].sum()), float(gone[:, k].sum())
             if cut > rows - cut:

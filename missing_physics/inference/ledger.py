@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import BODIES, TIMING, Hypothesis, Term, UnknownForce
+from missing_physics.hypotheses import BODIES, TIMING, Hypothesis, Term
 from missing_physics.hypotheses.extents import EDGES
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
@@ -180,11 +180,11 @@ def prior(data: Data, fit: Fit) -> float:
     effects = 0.0
     for term in added:
         effects += ODDS * (1 + len(term.added)) + term.further
-        effects += EVENT * (term.key in fit.once) + ODDS * isinstance(term.effect, UnknownForce)
+        effects += EVENT * (term.key in fit.once) + ODDS * term.effect.is_unknown
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
     given = hypothesis.filed | {name for name, _ in hypothesis.held} | unstated(data)
     for term in added:
-        if isinstance(term.effect, UnknownForce):  # spans the same functions as parameters of the file
+        if term.effect.is_unknown:  # spans the same functions as parameters of the file
             same = {f"{term.at}.{name}" for name in term.effect.along}
             given |= {name for name in same if data.filed[data.layout.names.index(name)] != 0.0}
         if term.effect.family:  # a friction law contains its own kinetic friction

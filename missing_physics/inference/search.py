@@ -20,7 +20,6 @@ from missing_physics.hypotheses import (
     Candidate,
     Hypothesis,
     Term,
-    UnknownForce,
 )
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted, refiled, residuals
@@ -246,7 +245,7 @@ def _weighed(state: Search[Any], old: Fit, wanted: Callable[[Candidate], bool]) 
 
 
 def _is_named(candidate: Candidate) -> bool:
-    return not isinstance(candidate.term.effect, UnknownForce)
+    return not candidate.term.effect.is_unknown
 
 
 def _is_rival(state: Search[Any], candidate: Candidate, term: Term | None) -> bool:

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from missing_physics.plausibility.table import GRAVITY, INERTIAL_CHANGE, credible_range
+from missing_physics.plausibility.table import INERTIAL_CHANGE, credible_range
+from reference_model.effects.gravity import TILT
 from robot_model import Inertial, Robot
 
 __all__ = ["before", "is_credible_number"]
@@ -31,7 +32,7 @@ def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float
         return row.low, row.high
     half = math.inf
     if effect == "gravity":
-        half = GRAVITY * (float(np.linalg.norm(robot.gravity)) or math.inf)
+        half = TILT * (float(np.linalg.norm(robot.gravity)) or math.inf)
     elif effect == "inertia":
         bodies: dict[str, Inertial] = {"base": robot.base, **{link.name: link for link in robot.links}}
         if place in bodies:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from missing_physics.plausibility.table import GRAVITY, SATURATION, credible_range
+from missing_physics.plausibility.table import SATURATION, credible_range
+from reference_model.effects.gravity import TILT
 from robot_model import Robot
 
 __all__ = ["NOT_CREDIBLE", "implausible"]
@@ -53,7 +54,7 @@ def _gravity(values: Mapping[str, float], robot: Robot) -> str:
     along = float(change @ file) / size
     across = float(np.linalg.norm(change - along * file / size))
     whole = float(np.linalg.norm(file + change))
-    if abs(whole - size) <= GRAVITY * size or (abs(along) <= GRAVITY * size and across <= size):
+    if abs(whole - size) <= TILT * size or (abs(along) <= TILT * size and across <= size):
         return ""
     return f"{NOT_CREDIBLE}: gravity of {whole:.4g} m/s^2, while on the ground it is 9.81 m/s^2"
 

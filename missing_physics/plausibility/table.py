@@ -1,14 +1,14 @@
 """The one table of credible values: parameter, range, reason and source.
 
 A parameter that is not listed has the range of its catalogue entry. Sizes that depend on the robot or on the
-recording (gravity, saturation, inertias) are judged in `judgement`, with the values below.
+recording (gravity, saturation, inertias) are judged in `judgement`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["GRAVITY", "INERTIAL_CHANGE", "SATURATION", "TABLE", "Credible", "credible_range"]
+__all__ = ["INERTIAL_CHANGE", "SATURATION", "TABLE", "Credible", "credible_range"]
 
 
 @dataclass(frozen=True)
@@ -135,11 +135,6 @@ TABLE: tuple[Credible, ...] = (
     ),
 )
 
-#: Usual error of gravity on the ground, as a part of its size: two degrees of tilt. Floors under automation
-#: equipment are level to half a degree (common limit of foundations); the rest is engineering judgement. A
-#: robot may be mounted at any angle, but gravity's size is known to 0.3 % anywhere (WGS 84: 9.780 to
-#: 9.832 m/s^2).
-GRAVITY = 0.035
 #: Standard deviation of a nominal mass property, as a part of its size: CAD lacks cables, screws and grease.
 #: Engineering judgement.
 INERTIAL_CHANGE = 0.3

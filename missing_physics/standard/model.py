@@ -23,7 +23,7 @@ from missing_physics.standard.rows import (
     without_friction,
 )
 from reference_model.dynamics.inertial import BODY_NUMBERS, body_names
-from reference_model.effects.base import BodyEffect, JointEffect
+from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.beam_numbers import POSITIVE, beam_with
@@ -218,7 +218,7 @@ def _dry(robot: Robot) -> Array:
     found = np.zeros(len(robot.drives))
     for used in used_effects(robot):
         effect = used.effect
-        if isinstance(effect, JointEffect) and effect.is_friction_law:
+        if effect.is_friction_law:
             levels = [used.parameters[p.name] for p in effect.parameters if p.unit == "N m"]
             places = [k for k, drive in enumerate(robot.drives) if drive.name == used.at]
             found[places] = np.maximum(found[places], max(levels, default=0.0))

@@ -17,7 +17,6 @@ from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
 from reference_model.effects.pushing import BodySeries, ForceAlong
-from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel
 from reference_model.evaluation.model import RobotModel
@@ -174,7 +173,7 @@ def torque_of_effects(along: Along) -> Array:
                 np.full(motion.time.size, ROOM_TEMPERATURE),
             ]
         )
-        laws = [u for u in own if isinstance(u.effect, JointEffect) and u.effect.is_friction_law]
+        laws = [u for u in own if u.effect.is_friction_law]
         friction = sum((force_of(u, joint, signals, motion, k) for u in laws), np.zeros(motion.time.size))
         signals[:, 5] = friction
         rest = (force_of(u, joint, signals, motion, k) for u in own if u not in laws)
@@ -235,7 +234,7 @@ def inertial_with_effects(model: RobotModel) -> Array:
     """The inertial parameters of the robot, with its effects on bodies, beams and gravity, shape (P,)."""
     numbers = dict(zip(model.inertial_names, model.inertial))
     for used in used_effects(model.robot):
-        if isinstance(used.effect, StructureEffect) and used.effect.beam_number:
+        if used.effect.beam_number:
             numbers[f"{used.at}.{used.effect.beam_number}"] += next(iter(used.parameters.values()))
         if not isinstance(used.effect, BodyEffect):
             continue

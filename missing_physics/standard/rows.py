@@ -127,7 +127,7 @@ def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
 
 def is_friction(effect: Effect) -> bool:
     """Whether an effect is a friction law at a joint, or multiplies those of its joint."""
-    return isinstance(effect, JointEffect) and (effect.is_friction_law or effect.is_modifier)
+    return effect.is_friction_law or effect.is_modifier
 
 
 def without_friction(robot: Robot) -> Robot:

@@ -149,6 +149,19 @@ class Effect(ABC):
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
         standard: parameter of the standard model that it is; empty for all but a few.
         is_beyond: it acts beyond a place, which a recording may reach once.
+        is_unknown: it is a curve without a known law.
+        along: parameters of the standard model that are functions of the same variable.
+        is_friction_law: it is summed into `JointSignals.friction`.
+        is_modifier: it multiplies the friction law of its joint and means nothing without one.
+        uses_torque: it uses the actuator torque (so it is a matter of the actuator), unless only through a
+            parameter that is not estimated and absent by default.
+        shares_torque: it takes or adds a share of the actuator's torque, which makes up for it.
+        replaces_delay: it is late as a whole, so that the joint's torque has no other delay.
+        cuts_torque: it cuts what a recorded torque commands, so that this is needed as it was recorded; other
+            effects follow as well from what the motion needs, which has no noise.
+        along_base: it follows from how a base turns, and is small: joints show it where no gyro does.
+        beam_number: parameter of a beam that it adds to (`reference_model.flexible.beam_numbers`).
+        along_link: it follows from where a point of a rigid link is: joints show it.
         along_motion: it has regressors along a recorded joint motion.
     """
 
@@ -173,6 +186,17 @@ class Effect(ABC):
     is_event: ClassVar[bool] = False
     standard: ClassVar[str] = ""
     is_beyond: ClassVar[bool] = False
+    is_unknown: ClassVar[bool] = False
+    along: ClassVar[tuple[str, ...]] = ()
+    is_friction_law: ClassVar[bool] = False
+    is_modifier: ClassVar[bool] = False
+    uses_torque: ClassVar[bool] = False
+    shares_torque: ClassVar[bool] = False
+    replaces_delay: ClassVar[bool] = False
+    cuts_torque: ClassVar[bool] = False
+    along_base: ClassVar[bool] = False
+    along_link: ClassVar[bool] = False
+    beam_number: ClassVar[str] = ""
     along_motion: ClassVar[bool] = True
 
     def parameter(self, name: str) -> Parameter:
@@ -228,20 +252,6 @@ class JointEffect(Effect):
 
     #: Number of internal states.
     states: ClassVar[int] = 0
-    #: True when this is a friction law, to be summed into `JointSignals.friction`.
-    is_friction_law: ClassVar[bool] = False
-    #: True when it multiplies the friction law of its joint and means nothing without one.
-    is_modifier: ClassVar[bool] = False
-    #: True when the contribution uses the actuator torque (so it is a matter of the actuator), unless only
-    #: through a parameter that is not estimated and absent by default.
-    uses_torque: ClassVar[bool] = False
-    #: True when it takes or adds a share of the actuator's torque, which makes up for it.
-    shares_torque: ClassVar[bool] = False
-    #: True when it is late as a whole, so that the joint's torque has no delay of its own beside it.
-    replaces_delay: ClassVar[bool] = False
-    #: True when it cuts what a recorded torque commands, so that this has to be seen as it was recorded;
-    #: other effects follow as well from what the motion needs, which has no noise.
-    cuts_torque: ClassVar[bool] = False
 
     @abstractmethod
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

@@ -64,16 +64,10 @@ class ForceEffect(Effect):
     """
 
     along_motion = False
-    #: What it does follows from how its body turns, and is small: joints show it where no gyro does.
-    along_base: ClassVar[bool] = False
-
     #: Number of internal states.
     states: ClassVar[int] = 0
     #: It also carries, with a constant wrench, what rests on its body at the start.
     carries_start: ClassVar[bool] = False
-
-    #: What it does follows from where a point of its link is: joints show it.
-    along_link: ClassVar[bool] = False
 
     @property
     def is_searched(self) -> bool:

@@ -27,9 +27,6 @@ class StructureEffect(Effect):
     #: Those of a lower stage are carried out first: what bends at all, then how it does.
     stage: ClassVar[int] = 0
 
-    #: Number of a beam that its parameter adds to (`reference_model.flexible.beam_numbers`).
-    beam_number: ClassVar[str] = ""
-
     @property
     def is_searched(self) -> bool:
         return self.reshapes

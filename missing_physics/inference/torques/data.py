@@ -153,7 +153,7 @@ class TorqueData(Data):
         angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
         if angle >= SAME:
             return False
-        driven = {t.at for t in terms if isinstance(t.effect, JointEffect) and t.effect.uses_torque}
+        driven = {t.at for t in terms if t.effect.uses_torque}
         joints = np.array([self.follows or joint in driven for joint in self.joints])
         if not joints.any():
             return True
@@ -242,7 +242,7 @@ class TorqueData(Data):
         """Rows of each block and joint in which terms cut the recorded torque, shape (B, n)."""
         found = np.zeros_like(self.counts)
         for term in terms:
-            if isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
+            if term.effect.cuts_torque:
                 rows = [np.where(run.rows.counted, cut(term, run, i), 0.0) for i, run in enumerate(self.runs)]
                 found += [rows[block.run][block.rows].sum(axis=0) for block in self.blocks]
         return found

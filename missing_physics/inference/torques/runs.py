@@ -20,7 +20,7 @@ from missing_physics.standard.prediction import (
     inertial_with_effects,
 )
 from missing_physics.standard.rows import FRICTION, Rows, rows_of, taken_about, without_friction
-from reference_model.effects.base import JointEffect, JointSignals
+from reference_model.effects.base import JointSignals
 from reference_model.effects.catalogue import UsedEffect, used_effects
 from reference_model.effects.pushing import BodySeries
 from reference_model.evaluation.model import RobotModel
@@ -218,9 +218,9 @@ def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[R
 def _modified(robot: Robot) -> Iterator[UsedEffect]:
     """Friction laws of the robot file at joints where it also has what multiplies them."""
     every = [(one, one.effect) for one in used_effects(robot)]
-    joints = {one.at for one, effect in every if isinstance(effect, JointEffect) and effect.is_modifier}
+    joints = {one.at for one, effect in every if effect.is_modifier}
     for one, effect in every:
-        if one.at in joints and isinstance(effect, JointEffect) and effect.is_friction_law:
+        if one.at in joints and effect.is_friction_law:
             yield one
 
 
