@@ -28,6 +28,7 @@ from missing_physics.diagnosis.known.effects import left_aside, restored, stripp
 from missing_physics.diagnosis.known.gears import behind_gears
 from missing_physics.diagnosis.known.sensors import without_sensor_errors
 from missing_physics.diagnosis.options import Options
+from missing_physics.diagnosis.ripple.stage import with_ripple
 from missing_physics.results.result import Result
 from missing_physics.standard.layout import Information
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
@@ -138,7 +139,9 @@ def _weighed(
         could_not_tell=(*covered.sentences, *found.diagnosis.could_not_tell),
     )
     tell("comparing with the standard model")
-    return compared(replace(found, diagnosis=diagnosis), robot, punctual, fitted)
+    whole = compared(replace(found, diagnosis=diagnosis), robot, punctual, fitted)
+    slow = min(band.torque for band in whole.diagnosis.fit.bands)
+    return with_ripple(whole, robot, punctual, fitted, slow, tell)
 
 
 def _between_encoders(robot: Robot, ready: Prepared, fitted: int, tell: Said) -> TransmissionResult | None:

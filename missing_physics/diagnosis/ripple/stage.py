@@ -1,0 +1,126 @@
+"""Names waves over position that the torques show above the band of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from missing_physics.answer.answer import dismissed, rung
+from missing_physics.diagnosis.further.errors import Channel, series_of
+from missing_physics.diagnosis.further.findings import Key, Reading, findings_of
+from missing_physics.diagnosis.further.merge import Further, joined
+from missing_physics.diagnosis.ripple.data import RippleData
+from missing_physics.diagnosis.ripple.series import fast
+from missing_physics.inference import Posterior, Search, search, weighed
+from missing_physics.inference.fit import residuals
+from missing_physics.inference.ledger import ODDS
+from missing_physics.inference.score import block_scores
+from missing_physics.results.result import Finding, Result
+from missing_physics.standard.model import use_of
+from reference_model.effects.base import Parameter
+from robot_model import Recording, Robot, robot_from_toml
+
+__all__ = ["with_ripple"]
+
+
+def with_ripple(
+    result: Result,
+    robot: Robot,
+    recordings: Sequence[Recording],
+    fitted: int,
+    slow: float,
+    progress: Callable[[str], None] | None = None,
+) -> Result:
+    """A diagnosis of the torques with the waves over position that are too fast for its band.
+
+    A wave of a motor or gear has the frequency speed times order over two pi. Above the band of the motion
+    nothing else of a rigid robot depends on the position.
+
+    Args:
+        result: the diagnosis, with its robot file.
+        robot: nominal.
+        recordings: all of them, corrected for delays, those that are fitted first.
+        fitted: how many these are.
+        slow: end of the band of the motion [Hz].
+        progress: called with a phrase whenever something new is tried.
+    """
+    file = robot_from_toml(result.augmented_robot_toml)
+    if robot.base.kind == "free" or robot.flexible_links or robot.transmissions:
+        return result  # bodies that follow the joints vibrate above the band
+    every = [fast(file, one, slow) for one in recordings]
+    own = [one for one in every if one is not None]
+    if len(own) < len(every):
+        return result
+    data = RippleData.of(robot, own, fitted)
+    if data is None:
+        return result
+    if progress:
+        progress("weighing waves above the band of the motion")
+    found = search(data, progress)
+    posterior = weighed(found)
+    findings = tuple(
+        f for f in findings_of(found, posterior, _reading(data)) if _is_proven(found, posterior, f)
+    )
+    before, after = (
+        [residuals(data, fit, i) for i in range(len(own))] for fit in (found.standard, posterior.answer)
+    )
+    channels = [
+        Channel(f"{joint.name}.torque above {slow:.2g} Hz", _unit(joint.kind, "N m"), joint.name)
+        for joint in robot.drives
+    ]
+    stated = {finding.location.split(".")[0] for finding in findings}
+
+    def shown(run: int, k: int) -> dict[str, object]:
+        motion, kept = data.every[run].motion, np.isin(data.every[run].motion.time, data.time(run))
+        unit = "m" if robot.drives[k].kind == "prismatic" else "rad"
+        return {
+            "recording": data.every[run].source,
+            "position": motion.position[kept, k],
+            "velocity": motion.velocity[kept, k],
+            "variable_units": (unit, f"{unit}/s"),
+        }
+
+    series = series_of(data, channels, before, before, after, shown)
+    more = Further(
+        findings=findings,
+        could_not_tell=tuple(dismissed(found, findings)),
+        ladder=tuple(rung(found, step) for step in found.steps),
+        series=tuple(one for one in series if one.location in stated),
+    )
+    uses = [
+        use_of(f.effect, f.location, {name: e.value for name, e in f.parameters.items()}) for f in findings
+    ]
+    return joined(result, more, robot, uses)
+
+
+def _is_proven(found: Search[RippleData], known: Posterior, finding: Finding) -> bool:
+    """Whether data that were not fitted alone outweigh the prior odds against a wave."""
+    own = {term.key for term in known.answer.hypothesis.terms}
+    less = [
+        f
+        for f in found.made.values()
+        if {t.key for t in f.hypothesis.terms} == own - {(finding.effect, finding.location)}
+    ]
+    if not less:
+        return False
+    unseen = ~found.data.seen
+    before, after = (
+        float(block_scores(found.data, fit, found.shares)[unseen].sum())
+        for fit in (max(less, key=found.score), known.answer)
+    )
+    return after - before > ODDS
+
+
+def _reading(data: RippleData) -> Reading:
+    def channels(key: Key) -> list[int]:
+        return [data.joints.index(key[1].split(".")[0])]
+
+    def unit(key: Key, p: Parameter) -> str:
+        return _unit(data.robot.drives[channels(key)[0]].kind, p.unit)
+
+    return Reading(channels, unit=unit)
+
+
+def _unit(kind: str, unit: str) -> str:
+    return unit.replace("N m", "N").replace("rad", "m") if kind == "prismatic" else unit

@@ -1,0 +1,72 @@
+"""The filter above the band of the motion after which the residual of a torque is white noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.ndimage import median_filter
+from scipy.signal import welch
+
+__all__ = ["Whitening"]
+
+Array = NDArray[np.float64]
+
+#: Segments of the estimate of a spectrum last so many periods of the band's lower end.
+PERIODS = 4.0
+#: Points per octave of a smoothed spectrum, which is the median over an octave: lines do not change it.
+PER_OCTAVE = 24
+#: Order of the flanks of the band.
+FLANK = 8
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """A zero-phase filter that divides by the amplitude spectrum of the noise within a band.
+
+    Attributes:
+        low, high: the band [Hz].
+        rate: of the series to which it is applied [Hz].
+        frequencies: at which the gain is given, rising, shape (F,) [Hz].
+        gain: at these, shape (F,).
+        level: rms of white noise after the filter, equal to that of the noise in the band before.
+    """
+
+    low: float
+    high: float
+    rate: float
+    frequencies: Array
+    gain: Array
+    level: float
+
+    @classmethod
+    def of(cls, series: Sequence[Array], *, low: float, high: float, rate: float) -> Whitening | None:
+        """The filter of the residuals of one joint, (N,) each; None where these are zero in the band."""
+        length = min(max(64, int(PERIODS * rate / low)), min(map(len, series)))
+        spectra = [welch(one, fs=rate, nperseg=length) for one in series]
+        frequencies = spectra[0][0]
+        density = np.average([own for _, own in spectra], axis=0, weights=[len(one) for one in series])
+        octaves = np.log2(high / low)
+        grid = low * 2.0 ** (np.arange(int(PER_OCTAVE * octaves) + 1) / PER_OCTAVE)
+        smooth = np.interp(grid, frequencies, density)
+        smooth = median_filter(smooth, size=min(PER_OCTAVE, smooth.size) + 1, mode="nearest")
+        if not smooth.min() > 0.0:
+            return None
+        flank = (grid / low) ** FLANK / (1.0 + (grid / low) ** FLANK) / (1.0 + (grid / high) ** FLANK)
+        gain = flank / np.sqrt(smooth)
+        level = float(np.sqrt(np.trapezoid(smooth * flank**2, grid)))
+        white = float(np.sqrt(np.trapezoid(smooth * gain**2, grid)))
+        return cls(low, high, rate, grid, gain * level / white, level)
+
+    def __call__(self, values: Array) -> Array:
+        """The filtered series, along the first axis, shape (N, ...); its ends are spoiled."""
+        count = len(values)
+        padded = next_fast_len(2 * count, real=True)
+        frequencies = np.fft.rfftfreq(padded, 1.0 / self.rate)
+        gain = np.interp(frequencies, self.frequencies, self.gain, left=0.0, right=0.0)
+        rows = np.moveaxis(values, 0, -1)
+        turned = np.concatenate([rows, rows[..., ::-1]], axis=-1)  # without a step between the ends
+        return np.moveaxis(irfft(rfft(turned, padded) * gain, padded)[..., :count], -1, 0)
