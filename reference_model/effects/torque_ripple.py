@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import casadi as ca
 
@@ -52,6 +53,11 @@ class TorqueRipple(JointEffect):
             "radians of the cycle per radian of the joint; the gear ratio is once per motor turn"
         ),
     )
+    #: Machines and drives leave 1 to 5 % of the torque (Jahns and Soong): within two standard deviations.
+    priors: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "cosine_per_torque": (0.0, 0.025),
+        "sine_per_torque": (0.0, 0.025),
+    }
     equation = (
         "T = (cosine + cosine_per_torque * u) * cos(order * q) "
         "+ (sine + sine_per_torque * u) * sin(order * q), u = actuator torque"

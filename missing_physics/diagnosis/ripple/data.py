@@ -1,6 +1,7 @@
 """Rows of torques above the band of the motion, to which waves over position are fitted.
 
-The residual of the torques' answer is made white by a filter (`whitening`); the rows have no standard model.
+The residual of the torques' answer is made white by a filter (`whitening`). The standard model of these rows
+has the relative error of the inertia at each joint, known as well as the motion's band determines it.
 """
 
 from __future__ import annotations
@@ -76,6 +77,17 @@ class _Columns:
         return found
 
 
+def _known(every: Sequence[Fast]) -> Array:
+    """Standard deviation of the relative error of the inertia at each joint in the motion's band, shape (n,).
+
+    Of a regression of the residual there on the torque that accelerates the bodies.
+    """
+    inertial, residual = (np.sum(one, axis=0) for one in zip(*(own.in_band for own in every)))
+    count = sum(2.0 * own.slow * float(own.motion.time[-1] - own.motion.time[0]) for own in every)
+    found = np.sqrt(residual / np.maximum(inertial * count, np.finfo(float).tiny))
+    return np.clip(found, MODEL_ERROR, 1.0)
+
+
 def _above(term: Term, lowest: float) -> tuple[tuple[str, float, float], ...]:
     """Limits of a wave whose order is at least the lowest one."""
     return tuple(
@@ -124,24 +136,25 @@ class RippleData(Data):
         level = np.array([1.0 if one is None else one.level for one in filters])
         torque = [np.where(one.known, one.torque, 0.0) for one in every[:fitted]]
         usual = np.sqrt(np.mean(np.concatenate(torque) ** 2, axis=0))
-        none = np.zeros(0)
+        names = tuple(f"{joint}.inertia" for joint in joints)
+        zero = np.zeros(len(joints))
         bare = cls(
             robot=robot,
             joints=joints,
             layout=Layout(
-                names=(),
-                start=none,
-                free=none.astype(bool),
+                names=names,
+                start=zero,
+                free=np.array([one is not None for one in filters]),
                 bodies=(),
-                own=none.astype(int),
-                positive=none.astype(int),
-                size=none,
-                centre=none,
-                width=none,
-                scale=none,
-                beams=none.astype(int),
+                own=np.flatnonzero([one is not None for one in filters]),
+                positive=np.zeros(0, dtype=int),
+                size=_known(every[:fitted]),
+                centre=zero,
+                width=_known(every[:fitted]),
+                scale=zero,
+                beams=np.zeros(0, dtype=int),
             ),
-            filed=none,
+            filed=zero,
             designs=(),
             blocks=(),
             size=level,
@@ -161,7 +174,7 @@ class RippleData(Data):
         return replace(
             whole,
             every=whole._about_zeros(targets, level**2),
-            designs=tuple(np.zeros((*own.shape, 0)) for own in targets),
+            designs=tuple(whole._design(run) for run in range(len(every))),
             targets=targets,
             size=np.where(size > 0.0, size, level),
         )
@@ -173,6 +186,11 @@ class RippleData(Data):
             sights = [self._sight(run, int(k), own[:, k], 1.0) for run, own in enumerate(targets)]
             zeros[:, k] = zeros_of(sights, float(variance[k]))
         return tuple(replace(one, zeros=own) for one, own in zip(self.every, zeros))
+
+    def _design(self, run: int) -> Array:
+        """Derivatives of the rows by a relative error of the inertia at each joint, shape (K, n, n)."""
+        rows = self.reduced(run, self.every[run].inertial[:, :, None], np.arange(len(self.joints)))
+        return np.asarray(rows * np.eye(len(self.joints)))
 
     def _kept(self, run: int) -> slice:
         motion, low = self.every[run].motion, self.every[run].slow

@@ -101,6 +101,19 @@ class Fast:
         return np.asarray(-self._inertia[:, :, k, None] * seeming[:, None, :])
 
     @cached_property
+    def inertial(self) -> Array:
+        """Part of the predicted torque that accelerates the bodies, shape (N, n)."""
+        return np.asarray(np.einsum("nij,nj->ni", self._inertia, self.motion.acceleration))
+
+    @cached_property
+    def in_band(self) -> tuple[Array, Array]:
+        """Energies of `inertial` and residual in the motion's band [N^2 m^2 s or N^2 s], shape (n,) each."""
+        pair = self.inertial * self.motion.shares, self.residual
+        slow = (low_passed(one, rate=self.motion.rate, cutoff=self.slow) for one in pair)
+        first, second = (np.sum(one**2, axis=0) / self.motion.rate for one in slow)
+        return first, second
+
+    @cached_property
     def _slow(self) -> Array:
         """Predicted torque in the band of the motion, without the noise of encoders above, shape (N, n)."""
         return low_passed(self.torque, rate=self.motion.rate, cutoff=self.slow)
