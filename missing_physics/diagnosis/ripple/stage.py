@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,7 +62,9 @@ def with_ripple(
     found = search(data, progress)
     posterior = weighed(found)
     findings = tuple(
-        f for f in findings_of(found, posterior, _reading(data)) if _is_proven(found, posterior, f)
+        replace(one, note=_words(one, slow))
+        for one in findings_of(found, posterior, _reading(data))
+        if _is_proven(found, posterior, one)
     )
     before, after = (
         [residuals(data, fit, i) for i in range(len(own))] for fit in (found.standard, posterior.answer)
@@ -94,14 +98,18 @@ def with_ripple(
     return joined(result, more, robot, uses)
 
 
+def _words(finding: Finding, slow: float) -> str:
+    order = finding.parameters["order"]
+    return (
+        f"One cycle is {2.0 * math.pi / order.value:.4g} {order.unit.removeprefix('1/')}; found in the torques "
+        f"above {slow:.2g} Hz, where the motion itself has no part."
+    )
+
+
 def _is_proven(found: Search[RippleData], known: Posterior, finding: Finding) -> bool:
     """Whether data that were not fitted alone outweigh the prior odds against a wave."""
-    own = {term.key for term in known.answer.hypothesis.terms}
-    less = [
-        f
-        for f in found.made.values()
-        if {t.key for t in f.hypothesis.terms} == own - {(finding.effect, finding.location)}
-    ]
+    rest = {term.key for term in known.answer.hypothesis.terms} - {(finding.effect, finding.location)}
+    less = [fit for fit in found.made.values() if {term.key for term in fit.hypothesis.terms} == rest]
     if not less:
         return False
     unseen = ~found.data.seen

@@ -34,6 +34,7 @@ def test_a_ripple_above_the_band_is_named_with_its_order_and_amplitude() -> None
     order, sine = found.parameters["order"], found.parameters["sine"]
     assert order.ci95[0] <= ORDER <= order.ci95[1]
     assert sine.value == pytest.approx(SINE, abs=0.1 * SINE)
+    assert "One cycle is 0.004 m" in found.note
     assert "torque_ripple" in result.augmented_robot_toml
 
 
