@@ -276,11 +276,11 @@ class RippleData(Data):
     @cached_property
     def _slowest(self) -> Array:
         """Angular order of a wave that has the frequency of the end of the motion's band, shape (n,)."""
-        moving = [
-            np.where(one.known, np.abs(one.motion.velocity), np.nan) for one in self.every[: self.fitted]
-        ]
-        speed = np.nanmedian(np.concatenate(moving), axis=0)
-        return np.asarray(2.0 * np.pi * self.every[0].slow / np.maximum(np.nan_to_num(speed), 1e-12))
+        runs = self.every[: self.fitted]
+        speed = np.concatenate([np.abs(one.motion.velocity) for one in runs])
+        known = np.concatenate([one.known for one in runs])
+        usual = np.array([np.median(own[seen]) if seen.any() else 0.0 for own, seen in zip(speed.T, known.T)])
+        return np.asarray(2.0 * np.pi * self.every[0].slow / np.maximum(usual, 1e-12))
 
     def _sight(self, run: int, k: int, left: Array, ratio: float) -> Sight:
         motion, kept = self.every[run].motion, self._kept(run)
