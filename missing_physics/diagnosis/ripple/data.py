@@ -192,14 +192,15 @@ class RippleData(Data):
         rows = self.reduced(run, self.every[run].inertial[:, :, None], np.arange(len(self.joints)))
         return np.asarray(rows * np.eye(len(self.joints)))
 
-    def _kept(self, run: int) -> slice:
+    def kept(self, run: int) -> slice:
+        """Samples of one recording that are rows."""
         motion, low = self.every[run].motion, self.every[run].slow
         edge = int(SPOILED_PERIODS * motion.rate / low)
         stride = max(1, int(motion.rate / (PER_PERIOD * HIGHEST * motion.rate)))
         return slice(edge, max(edge, motion.time.size - edge), stride)
 
     def _mask(self, run: int) -> Mask:
-        return np.asarray(self.every[run].known[self._kept(run)] & self.driven)
+        return np.asarray(self.every[run].known[self.kept(run)] & self.driven)
 
     @cached_property
     def driven(self) -> Mask:
@@ -208,7 +209,7 @@ class RippleData(Data):
 
     def reduced(self, run: int, values: Array, places: Places) -> Array:
         """Torques at some joints, (N, a, C), filtered, in the rows, zero where nothing is compared."""
-        kept, own = self._kept(run), self.every[run]
+        kept, own = self.kept(run), self.every[run]
         shares = own.motion.shares
         found = np.zeros((len(own.motion.time[kept]), *values.shape[1:]))
         for i, k in enumerate(places):
@@ -224,7 +225,7 @@ class RippleData(Data):
 
     def time(self, run: int) -> Array:
         """Of the rows of one recording [s], shape (K,)."""
-        return self.every[run].motion.time[self._kept(run)]
+        return self.every[run].motion.time[self.kept(run)]
 
     def counted(self, run: int) -> Mask:
         """Rows in which a joint slides, shape (K, n)."""
@@ -283,7 +284,7 @@ class RippleData(Data):
         return np.asarray(2.0 * np.pi * self.every[0].slow / np.maximum(usual, 1e-12))
 
     def _sight(self, run: int, k: int, left: Array, ratio: float) -> Sight:
-        motion, kept = self.every[run].motion, self._kept(run)
+        motion, kept = self.every[run].motion, self.kept(run)
         return Sight(
             time=motion.time[kept],
             position=self.every[run].position[kept, k],

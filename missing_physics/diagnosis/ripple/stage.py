@@ -6,22 +6,20 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from missing_physics.answer.answer import dismissed, rung
 from missing_physics.diagnosis.further.errors import Channel, series_of
 from missing_physics.diagnosis.further.findings import Key, Reading, findings_of
 from missing_physics.diagnosis.further.merge import Further, joined
 from missing_physics.diagnosis.ripple.data import RippleData
 from missing_physics.diagnosis.ripple.series import fast
-from missing_physics.inference import Posterior, Search, search, weighed
+from missing_physics.inference import Fit, Posterior, Search, search, weighed
 from missing_physics.inference.fit import residuals
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.score import block_scores
-from missing_physics.results.result import Finding, Result
+from missing_physics.results.result import ChannelSeries, Finding, Result
 from missing_physics.standard.model import use_of
 from reference_model.effects.base import Parameter
-from robot_model import Recording, Robot, robot_from_toml
+from robot_model import Drive, Recording, Robot, robot_from_toml
 
 __all__ = ["with_ripple"]
 
@@ -50,11 +48,8 @@ def with_ripple(
     file = robot_from_toml(result.augmented_robot_toml)
     if robot.base.kind == "free" or robot.flexible_links or robot.transmissions:
         return result  # bodies that follow the joints vibrate above the band
-    every = [fast(file, one, slow) for one in recordings]
-    own = [one for one in every if one is not None]
-    if len(own) < len(every):
-        return result
-    data = RippleData.of(robot, own, fitted)
+    every = [own for own in (fast(file, one, slow) for one in recordings) if own is not None]
+    data = RippleData.of(robot, every, fitted) if len(every) == len(recordings) else None
     if data is None:
         return result
     if progress:
@@ -66,31 +61,11 @@ def with_ripple(
         for one in findings_of(found, posterior, _reading(data))
         if _is_proven(found, posterior, one)
     )
-    before, after = (
-        [residuals(data, fit, i) for i in range(len(own))] for fit in (found.standard, posterior.answer)
-    )
-    channels = [
-        Channel(f"{joint.name}.torque above {slow:.2g} Hz", _unit(joint.kind, "N m"), joint.name)
-        for joint in robot.drives
-    ]
-    stated = {finding.location.split(".")[0] for finding in findings}
-
-    def shown(run: int, k: int) -> dict[str, object]:
-        motion, kept = data.every[run].motion, np.isin(data.every[run].motion.time, data.time(run))
-        unit = "m" if robot.drives[k].kind == "prismatic" else "rad"
-        return {
-            "recording": data.every[run].source,
-            "position": motion.position[kept, k],
-            "velocity": motion.velocity[kept, k],
-            "variable_units": (unit, f"{unit}/s"),
-        }
-
-    series = series_of(data, channels, before, before, after, shown)
     more = Further(
         findings=findings,
         could_not_tell=tuple(dismissed(found, findings)),
         ladder=tuple(rung(found, step) for step in found.steps),
-        series=tuple(one for one in series if one.location in stated),
+        series=_series(data, found.standard, posterior.answer, findings),
     )
     uses = [
         use_of(f.effect, f.location, {name: e.value for name, e in f.parameters.items()}) for f in findings
@@ -98,12 +73,34 @@ def with_ripple(
     return joined(result, more, robot, uses)
 
 
+def _series(
+    data: RippleData, standard: Fit, answer: Fit, findings: Sequence[Finding]
+) -> tuple[ChannelSeries, ...]:
+    """Filtered residuals of the joints at which a wave is stated, without and with it."""
+    stated = {finding.location.split(".")[0] for finding in findings}
+    before, after = ([residuals(data, fit, i) for i in range(len(data.every))] for fit in (standard, answer))
+    channels = [
+        Channel(f"{drive.name}.torque above {data.every[0].slow:.2g} Hz", _unit(drive, "N m"), drive.name)
+        for drive in data.robot.drives
+    ]
+
+    def shown(run: int, k: int) -> dict[str, object]:
+        own, unit = data.every[run], _unit(data.robot.drives[k], "rad")
+        return {
+            "recording": own.source,
+            "position": own.motion.position[data.kept(run), k],
+            "velocity": own.motion.velocity[data.kept(run), k],
+            "variable_units": (unit, f"{unit}/s"),
+        }
+
+    every = series_of(data, channels, before, before, after, shown)
+    return tuple(one for one in every if one.location in stated)
+
+
 def _words(finding: Finding, slow: float) -> str:
     order = finding.parameters["order"]
-    return (
-        f"One cycle is {2.0 * math.pi / order.value:.4g} {order.unit.removeprefix('1/')}; found in the torques "
-        f"above {slow:.2g} Hz, where the motion itself has no part."
-    )
+    length = f"{2.0 * math.pi / order.value:.4g} {order.unit.removeprefix('1/')}"
+    return f"One cycle is {length}; found above {slow:.2g} Hz, where the motion itself has no part."
 
 
 def _is_proven(found: Search[RippleData], known: Posterior, finding: Finding) -> bool:
@@ -125,10 +122,10 @@ def _reading(data: RippleData) -> Reading:
         return [data.joints.index(key[1].split(".")[0])]
 
     def unit(key: Key, p: Parameter) -> str:
-        return _unit(data.robot.drives[channels(key)[0]].kind, p.unit)
+        return _unit(data.robot.drives[channels(key)[0]], p.unit)
 
     return Reading(channels, unit=unit)
 
 
-def _unit(kind: str, unit: str) -> str:
-    return unit.replace("N m", "N").replace("rad", "m") if kind == "prismatic" else unit
+def _unit(drive: Drive, unit: str) -> str:
+    return unit.replace("N m", "N").replace("rad", "m") if drive.kind == "prismatic" else unit
