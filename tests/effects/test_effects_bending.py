@@ -201,7 +201,7 @@ def test_the_controller_believes_in_the_rigid_link() -> None:
         (load_robot("single_axis"), bends("carriage", period=0.1), "has no length"),
         (pole(payload=1.0), bends("load", period=0.1), "has no length"),
         (load_robot("two_link_arm"), damped("link1", 0.1), "is rigid and has no modes"),
-        (load_robot("flexible_space_robot"), damped("link2", -0.2), "no structure gives out energy"),
+        (load_robot("flexible_space_robot"), damped("link2", -0.2), "no structure generates energy"),
         (load_robot("two_link_arm"), bends("base", period=0.1), "it can sit at link1, link2"),
     ],
 )

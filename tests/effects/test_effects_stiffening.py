@@ -91,7 +91,7 @@ def test_a_link_that_is_said_to_bend_can_stiffen_whatever_the_order() -> None:
 @pytest.mark.parametrize(
     ("robot", "use", "sentence"),
     [
-        (load_robot("two_link_arm"), stiffening(1.0, "link2"), "is no beam"),
+        (load_robot("two_link_arm"), stiffening(1.0, "link2"), "is not a beam"),
         (rotor(1.0, stiff=True), stiffening(1.0), "stiffening already"),
     ],
 )

@@ -282,7 +282,7 @@ def test_what_is_absent_changes_nothing(name: str) -> None:
         (grounded(), effect("base_motion", "base", compliance=1e-4), "give mass and inertia"),
         (craft(), effect("slosh", "base", mass=80.0, frequency=1.0), "has no 80 kg"),
         (craft(), effect("modal_damping", "arm", damping_ratio=0.1), "has no modes to damp"),
-        (craft(), effect("centrifugal_stiffening", "arm", strength=1.0), "is no beam"),
+        (craft(), effect("centrifugal_stiffening", "arm", strength=1.0), "is not a beam"),
         (craft(), effect("link_flexibility", "base", period=0.1), "it can sit at arm"),
         (craft(), effect("link_flexibility", "arm", perod=0.1), "did you mean 'period'"),
         (craft(), effect("slosh", "arm", mass=1.0, frequency=1.0), "it can sit at base"),
