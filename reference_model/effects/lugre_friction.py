@@ -16,11 +16,11 @@ from reference_model.effects.base import (
 )
 from reference_model.effects.stribeck_friction import (
     LEVEL_SHARES,
+    observable_velocities,
     rest_below_sliding,
     static_is_too_large,
     stribeck_level,
     stribeck_velocities,
-    observable_velocities,
 )
 
 __all__ = ["LuGreFriction"]
