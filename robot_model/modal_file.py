@@ -22,7 +22,7 @@ from robot_model.input.memory import OutOfMemoryError
 
 __all__ = ["ModalMatrices", "read_modal_file"]
 
-#: A mesh of more nodes is for a program of finite elements to reduce first; its modes would take minutes.
+#: A mesh of more nodes should be reduced by finite element software first; its modes would take minutes.
 MOST_NODES = 20_000
 
 #: A dense matrix of more rows takes hundreds of megabytes; larger ones are sparse.
@@ -34,16 +34,16 @@ LARGEST_ARRAY = 512 * 2**20
 #: Stiffness in SI units stays far below; sums and products of such figures do not overflow.
 LARGEST_ENTRY = 1e24
 
-#: Asymmetry, beside the largest entry of row and column, that files of single precision have.
+#: Asymmetry of single precision files, relative to the largest entry of row and column.
 SINGLE = 1e-6
 
-#: An eigenvalue of the stiffness this far below zero, beside the highest, is no rounding of single precision.
+#: An eigenvalue of the stiffness this far below zero, relative to the highest, is not just rounding.
 NEGATIVE = 1e-6
 
 #: Up to this many rows a dense factorisation is as quick as a sparse one.
 DENSE_ROWS = 1500
 
-#: What an array's header may take; numpy's own limit.
+#: Largest size of an array's header; numpy's own limit.
 HEADER = 10_000
 
 
@@ -63,7 +63,7 @@ class ModalMatrices:
 
 
 def read_modal_file(path: str | os.PathLike[str]) -> ModalMatrices:
-    """The matrices of an NPZ file as `ModalBody` describes it.
+    """The matrices of an NPZ file as described in `ModalBody`.
 
     Raises:
         InputError: no such file, damaged, an array missing, of a wrong shape, too large or not finite, a
