@@ -236,7 +236,7 @@ def room_of(module: str) -> str:
 
 
 @every_module
-def test_imports_follow_the_arrows(module: str) -> None:
+def test_imports_follow_the_allowed_dependencies(module: str) -> None:
     room = room_of(module)
     allowed = (room, *KNOWS[room])
     for name in imported(module):
@@ -244,13 +244,13 @@ def test_imports_follow_the_arrows(module: str) -> None:
             assert any(is_within(name, other) for other in allowed), f"{module} imports {name}"
 
 
-def test_every_room_of_the_diagnosis_has_a_place_in_the_order() -> None:
+def test_every_package_of_the_diagnosis_is_in_the_order() -> None:
     rooms = {path.parent.name for path in (ROOT / "missing_physics" / "diagnosis").glob("*/__init__.py")}
     assert rooms == set(DIAGNOSIS)
 
 
 @every_module
-def test_the_parent_package_is_no_back_door(module: str) -> None:
+def test_packages_do_not_import_the_parent_package(module: str) -> None:
     """`missing_physics` stands above its rooms, so that only the start of the program may go through it."""
     if room_of(module) != "missing_physics":
         names = [name for name in imported(module) if room_of_ours(name) == "missing_physics"]
@@ -262,13 +262,13 @@ def room_of_ours(name: str) -> str | None:
 
 
 @every_module
-def test_libraries_stay_in_their_room(module: str) -> None:
+def test_libraries_are_imported_only_in_their_package(module: str) -> None:
     for name in imported(module):
         homes = HOMES.get(name.split(".")[0])
         assert homes is None or any(is_within(module, home) for home in homes), f"{module} imports {name}"
 
 
-def test_the_arrows_form_no_circle() -> None:
+def test_allowed_dependencies_have_no_cycle() -> None:
     waiting = {
         room: {room_of(other) for other in known} - {room}
         for room, known in KNOWS.items()
@@ -281,7 +281,7 @@ def test_the_arrows_form_no_circle() -> None:
 
 
 @every_module
-def test_every_module_says_what_it_offers(module: str) -> None:
+def test_every_module_defines_all(module: str) -> None:
     last = module.split(".")[-1]
     if last.startswith("_") or not defines_names(module):
         return
@@ -340,7 +340,7 @@ def is_true(value: ast.expr) -> bool:
     return not (isinstance(value, ast.Constant) and value.value is False)
 
 
-def test_every_room_is_there_to_be_checked() -> None:
+def test_the_checks_find_all_packages() -> None:
     """A check of files that are not found would pass for ever."""
     assert set(PACKAGES) <= SOURCES.keys()
     assert all((ROOT / package / "py.typed").is_file() for package in PACKAGES)

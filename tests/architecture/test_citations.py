@@ -53,19 +53,19 @@ def missing(text: str, folder: str = ".") -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_what_a_page_cites_is_there(page: str) -> None:
+def test_cited_code_exists(page: str) -> None:
     text = (ROOT / page).read_text("utf-8")
     assert cited(text)
     assert not missing(text, PAGES[page])
 
 
-def test_a_name_that_is_not_there_is_found_out() -> None:
+def test_a_missing_name_is_detected() -> None:
     there = "`reference_model/dynamics/tree.py:recursion`"
     page = f"{there} `reference_model/dynamics/tree.py:no_such` `reference_model/none.py`"
     assert missing(page) == ["reference_model/dynamics/tree.py:no_such", "reference_model/none.py:"]
 
 
-def test_sections_and_equations_that_code_cites_are_on_the_page_of_theory() -> None:
+def test_cited_sections_and_equations_exist_in_the_theory_page() -> None:
     text = (ROOT / "docs" / "theory.md").read_text("utf-8")
     sections = set(re.findall(r"^## (\d+)\.", text, flags=re.MULTILINE))
     equations = set(re.findall(r"\((\d+)\)\s*$", text, flags=re.MULTILINE))

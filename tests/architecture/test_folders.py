@@ -69,7 +69,7 @@ def test_a_folder_of_tests_holds_at_most_a_dozen_modules(folder: Path) -> None:
     assert large == (named(folder) in UNSORTED)
 
 
-def test_every_exception_is_a_folder() -> None:
+def test_every_exception_is_an_existing_folder() -> None:
     assert LARGER.keys() <= set(map(named, folders()))
     assert set(map(named, folders("tests"))) >= UNSORTED
 
@@ -86,20 +86,20 @@ def numbers(text: str) -> Iterator[str]:
                 )
 
 
-def test_what_finds_the_answer_stays_small() -> None:
+def test_inference_code_stays_small() -> None:
     texts = [path.read_text("utf-8") for room in ENGINE for path in (ROOT / room).rglob("*.py")]
     assert sum(len(text.splitlines()) for text in texts) <= MOST_LINES
     assert len([name for text in texts for name in numbers(text)]) <= MOST_NUMBERS
 
 
-def test_every_number_is_counted() -> None:
+def test_every_constant_is_counted() -> None:
     lines = "A = 1.0", "B, C = 2, (0.1, 0.3)", "D: float = -A * 2", "E = '1'", "F = {'a': 1}", "G = True"
     text = "\n".join((*lines, "H = frozenset({'b'})"))
     assert [*numbers(text)] == ["A", "B", "C", "D", "F"]
 
 
 @pytest.mark.parametrize("room", ["missing_physics/hypotheses", "missing_physics/inference"])
-def test_no_effect_is_known_by_its_id_where_hypotheses_are_weighed(room: str) -> None:
+def test_inference_code_mentions_no_effect_id(room: str) -> None:
     """What the inference has to know of an effect is in the effect's own file."""
     ids = set(catalogue())
     for path in (ROOT / room).rglob("*.py"):
@@ -172,11 +172,11 @@ def test_folders_import_each_other_in_one_direction() -> None:
     assert not [sorted(circle) for circle in circles(arrows())]
 
 
-def test_a_circle_is_found() -> None:
+def test_an_import_cycle_is_detected() -> None:
     graph = {"a": frozenset("b"), "b": frozenset("c"), "c": frozenset("b"), "d": frozenset("a")}
     assert circles(graph) == {frozenset("bc")}
 
 
-def test_every_folder_is_there_to_be_checked() -> None:
+def test_the_checks_find_all_folders() -> None:
     assert set(PACKAGES) <= {named(folder) for folder in folders()}
     assert "exudyn_model/bodies" in arrows()["exudyn_model/control"]

@@ -47,7 +47,7 @@ def hits(pattern: re.Pattern[str]) -> list[str]:
     return found
 
 
-def test_no_path_of_one_machine() -> None:
+def test_no_machine_specific_path() -> None:
     assert not hits(MACHINE_PATH)
 
 
@@ -55,7 +55,7 @@ def test_no_registry() -> None:
     assert not hits(REGISTRY)
 
 
-def test_no_server_open_to_others() -> None:
+def test_no_server_listens_on_all_interfaces() -> None:
     assert not hits(OPEN_SERVER)
 
 
@@ -68,7 +68,7 @@ def test_no_server_open_to_others() -> None:
         (OPEN_SERVER, "bind 0.0.0" + ".0"),
     ],
 )
-def test_the_patterns_find_what_they_look_for(pattern: re.Pattern[str], text: str) -> None:
+def test_the_patterns_detect_violations(pattern: re.Pattern[str], text: str) -> None:
     assert pattern.search(text)
 
 

@@ -37,9 +37,7 @@ def test_a_channel_outside_its_band_is_reported_and_fails(
     assert "| 1.0 (0.5) | - | - | - | abc |" in page
 
 
-def test_robots_that_were_not_run_anew_stay_on_the_page(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_robots_that_were_not_rerun_stay_on_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(full_length, "FOLDER", tmp_path / "kept")
     monkeypatch.setattr(full_length, "EVIDENCE", tmp_path)
     monkeypatch.setattr(full_length, "run", lambda name: {**result(1.0), "robot": name})

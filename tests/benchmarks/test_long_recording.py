@@ -7,7 +7,7 @@ from missing_physics.recordings import load_recording
 from robot_model import load_robot
 
 
-def test_a_short_one_is_recorded_timed_and_reported(tmp_path: Path) -> None:
+def test_a_short_recording_is_made_timed_and_reported(tmp_path: Path) -> None:
     hidden = recorded(tmp_path, 2.0)
     assert not load_robot(tmp_path / "robot.toml").effects
     assert hidden
@@ -21,7 +21,7 @@ def test_a_short_one_is_recorded_timed_and_reported(tmp_path: Path) -> None:
     assert "`lugre_friction@joint1` (load_coefficient 0.1, " in text
 
 
-def test_the_page_tells_truth_beside_names_and_what_was_not_looked_for() -> None:
+def test_the_page_lists_truth_next_to_names_and_the_unsearched_effects() -> None:
     answer = {
         "verdict": "explained",
         "findings": [

@@ -59,7 +59,7 @@ def difference(motion: str, method: str, other: str, *, compiled: bool) -> float
         pytest.param("flexible, Stribeck", "generalised alpha", marks=pytest.mark.proof),
     ],
 )
-def test_it_is_the_same_motion(motion: str, method: str) -> None:
+def test_native_exudyn_gives_the_same_motion(motion: str, method: str) -> None:
     # steps of 0.25 ms by second order
     assert difference(motion, method, REFERENCE, compiled=False) < 1e-5
 

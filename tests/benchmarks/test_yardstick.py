@@ -54,7 +54,7 @@ def loaded(name: str) -> Loaded:
 
 
 @every_row
-def test_a_row_names_files_that_are_there(row: Machine) -> None:
+def test_a_row_names_existing_files(row: Machine) -> None:
     files = {file.name for file in DATASETS[row.dataset].files}
     assert {run.file for run in (*row.fit, *row.held_out)} <= files
     assert row.fit
@@ -79,7 +79,7 @@ def test_every_dataset_is_in_the_yardstick() -> None:
 
 
 @every_row
-def test_what_is_known_is_in_the_words_of_the_catalogue(row: Machine) -> None:
+def test_published_values_use_names_of_the_catalogue(row: Machine) -> None:
     for known in row.known:
         effect = get_effect(known.effect)
         assert set(known.values) <= {parameter.name for parameter in effect.parameters}
@@ -100,7 +100,7 @@ def test_a_row_loads(row: Machine) -> None:
             assert run.window[0] <= recording.time[0] < recording.time[-1] < run.window[1]
 
 
-def test_runs_that_are_held_out_share_no_sample_with_those_that_are_fitted() -> None:
+def test_held_out_and_fitted_runs_share_no_sample() -> None:
     for row in ROWS.values():
         for fit in row.fit:
             for held in row.held_out:
@@ -151,7 +151,7 @@ def along(row: str) -> Along:
         ("cycloidal_pendulum", "joint1", 0.7),
     ],
 )
-def test_the_torque_is_that_of_the_motion(row: str, joint: str, least: float) -> None:
+def test_recorded_torque_matches_the_motion(row: str, joint: str, least: float) -> None:
     """Signs, units and joints are right where recorded torque and nominal inverse dynamics go together."""
     found = along(row)
     place = found.joints.index(joint)
@@ -175,7 +175,7 @@ def test_every_joint_of_the_quadruped_has_friction_and_damping() -> None:
         assert left[0] < 0.1 * found.measured[:, place].var() * extra.size, joint
 
 
-def test_the_free_pendulum_swings_at_the_frequency_of_an_even_rod() -> None:
+def test_the_free_pendulum_has_the_frequency_of_a_uniform_rod() -> None:
     """q'' = -w^2 sin q and little else, with w^2 = 3 g/(2 L): rate and unit of the angle are right."""
     recording = loaded("jensen_free_pendulum").fit[0]
     q = _smooth(recording, "joint1.position", 15.0)
@@ -189,7 +189,7 @@ def test_the_free_pendulum_swings_at_the_frequency_of_an_even_rod() -> None:
 
 
 @pytest.mark.parametrize("build", ["base", "conic", "split"])
-def test_the_locked_gear_is_a_spring(build: str) -> None:
+def test_the_locked_gear_behaves_like_a_spring(build: str) -> None:
     """Torque over the motor's angle at large torques: some hundreds of N m/rad, as the authors plot."""
     recording = loaded(f"cycloidal_locked_{build}").fit[1]
     q, tau = (_smooth(recording, name, 2.0) for name in ("joint1.position", "joint1.torque"))
@@ -244,7 +244,7 @@ def _as_matrix(recording: Recording, file: Path) -> None:
     file.write_text(json.dumps({"data": rows, "sampling freq": 1024, "time units": "s"}))
 
 
-def test_a_machine_that_is_not_here_is_reported_in_words(
+def test_missing_data_of_a_machine_are_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("MISSING_PHYSICS_DATA", str(tmp_path))

@@ -60,24 +60,24 @@ LATE = {
         for s in equation_subjects()
     ],
 )
-def test_equations_of_motion_are_the_same(subject: Subject) -> None:
+def test_engines_agree_on_equations_of_motion(subject: Subject) -> None:
     for item in agreements(replace(subject, states=FEW), seed=2):
         assert item.holds, item
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("subject", [*control_subjects(), *friction_subjects()], ids=lambda s: s.name)
-def test_every_controller_and_law_is_the_same(subject: Subject) -> None:
+def test_engines_agree_on_every_controller_and_law(subject: Subject) -> None:
     for item in agreements(subject, seed=4):
         assert item.holds, item
 
 
-def test_without_a_fault_everything_holds() -> None:
+def test_without_a_fault_all_checks_pass() -> None:
     """Control, friction and loads of the quick robots, and a short motion."""
     assert caught() is None
 
 
-def test_late_faults_are_among_them() -> None:
+def test_the_catalogue_contains_late_faults() -> None:
     assert {fault.what for fault in FAULTS} >= LATE
 
 
@@ -85,7 +85,7 @@ def test_late_faults_are_among_them() -> None:
     "fault",
     [pytest.param(f, id=f.what, marks=pytest.mark.proof if f.what in LATE else ()) for f in FAULTS],
 )
-def test_every_seeded_fault_is_seen(fault: Fault) -> None:
+def test_every_seeded_fault_is_detected(fault: Fault) -> None:
     """Most are seen by the first robot."""
     with seeded(fault):
         assert caught() is not None

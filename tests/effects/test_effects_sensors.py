@@ -65,7 +65,7 @@ def test_offset_and_gain() -> None:
     np.testing.assert_allclose(_sensor("sensor_gain").apply(TIME, VALUE, {"gain_error": 0.2}), 1.2 * VALUE)
 
 
-def test_a_delayed_channel_says_what_was_true_before() -> None:
+def test_a_delayed_channel_reports_earlier_values() -> None:
     said = _sensor("sensor_delay").apply(TIME, VALUE, {"delay": 0.0123})
     before = TIME - 0.0123
     expected = np.sin(3.0 * before) + 0.3 * np.cos(7.0 * before)
@@ -86,7 +86,7 @@ def test_a_jump_is_delayed_without_ringing() -> None:
     assert np.max(np.abs(said)) <= 1.0
 
 
-def test_a_drifting_clock_runs_ahead_more_and_more() -> None:
+def test_clock_drift_accumulates_over_time() -> None:
     said = _sensor("clock_drift").apply(TIME, 2.0 * TIME, {"rate": 1e-3})
     np.testing.assert_allclose(said[:-10], 2.0 * (1 + 1e-3) * TIME[:-10], rtol=0, atol=1e-12)
 
@@ -100,7 +100,7 @@ def test_missing_samples_do_not_spread() -> None:
     assert np.all(np.isnan(_sensor("sensor_delay").apply(TIME[:5], nothing, {"delay": 1e-3})))
 
 
-def test_an_eccentric_disc_errs_once_per_turn() -> None:
+def test_an_eccentric_disc_has_a_once_per_turn_error() -> None:
     angle = np.linspace(0, 2 * np.pi, 721)
     said = _sensor("encoder_eccentricity").apply(angle, angle, {"cosine": 3e-3, "sine": 4e-3, "order": 1.0})
     error = said - angle

@@ -85,7 +85,7 @@ def moving_flexible_robot(**gains: float) -> Robot:
 
 @pytest.mark.proof
 @pytest.mark.parametrize("gains", [{}, HELD], ids=["free", "held"])
-def test_full_computed_torque_of_a_flexible_robot_meets_at_second_order(gains: dict[str, float]) -> None:
+def test_full_computed_torque_of_a_flexible_robot_converges_at_second_order(gains: dict[str, float]) -> None:
     robot = moving_flexible_robot(**gains)
     theirs = reference_simulate(robot, sensors=False, **TIGHT)
     coarse, fine = (simulate(robot, sensors=False, step=h, integrator="trapezoidal") for h in (1e-3, 5e-4))
@@ -120,7 +120,7 @@ def test_full_computed_torque_needs_modes() -> None:
     ],
     ids=["computed torque", "gravity feed-forward"],
 )
-def test_a_controller_knows_spherical_joints(controller: ComputedTorque | JointPD) -> None:
+def test_controllers_support_spherical_joints(controller: ComputedTorque | JointPD) -> None:
     robot = free_robot(gravity=GRAVITY, reference=Reference(duration=0.06, sample_rate=100.0))
     ball = robot.joints[1].model_copy(update={"kind": "spherical", "actuator": None})
     given = {"joints": (robot.joints[0], ball), "effects": ()}

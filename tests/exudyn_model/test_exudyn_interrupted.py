@@ -12,7 +12,9 @@ from exudyn_model import simulate
 
 
 @pytest.mark.parametrize("formulation", ["tree", "redundant"])
-def test_an_interrupt_comes_out_of_the_solver(formulation: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupt_is_propagated_from_the_solver(
+    formulation: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     seen: list[float] = []
 
     def interrupt(time: float) -> None:

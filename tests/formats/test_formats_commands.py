@@ -101,7 +101,7 @@ def test_both_engines(run: Front, arm: Path, tmp_path: Path) -> None:
     assert (tmp_path / "both" / "crosscheck.json").is_file()
 
 
-def test_what_is_assumed_is_said_on_stderr(run: Front, arm: Path, tmp_path: Path) -> None:
+def test_assumptions_are_reported_on_stderr(run: Front, arm: Path, tmp_path: Path) -> None:
     said = run("simulate", arm, "--out", tmp_path / "run.csv")
     lines = said.err.splitlines()
     assert f"{arm}: arm.overlay.toml beside it is put over it." in lines
@@ -156,7 +156,7 @@ def test_unusable_robots_end_with_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_mesh_that_is_missing_does_no_harm(run: Front, arm: Path, tmp_path: Path) -> None:
+def test_a_missing_mesh_is_ignored(run: Front, arm: Path, tmp_path: Path) -> None:
     """Meshes are never opened, whatever their address: mass and inertia stand in the file."""
     mesh = '<visual><geometry><mesh filename="package://arm/rod.stl"/></geometry></visual>'
     arm.write_text(arm.read_text().replace('<link name="rod">', f'<link name="rod">{mesh}'))
@@ -172,7 +172,9 @@ def test_xml_is_imported_only_for_robots_in_xml() -> None:
     )
 
 
-def test_a_motion_that_is_missing_leads_to_the_overlay(run: Front, files: Path, tmp_path: Path) -> None:
+def test_a_missing_motion_is_reported_with_the_overlay_as_remedy(
+    run: Front, files: Path, tmp_path: Path
+) -> None:
     said = run("simulate", files / "pendulum.urdf", "--out", tmp_path / "run.csv", "--quiet")
     assert said.code == UNUSABLE_INPUT
     assert (

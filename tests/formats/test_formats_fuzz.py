@@ -114,7 +114,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", VALID)
-def test_what_is_damaged_is_valid_at_first(folder: Path, name: str) -> None:
+def test_the_files_are_valid_before_damage(folder: Path, name: str) -> None:
     (folder / name).write_text(VALID[name])
     assert read_robot(folder / name)[0].moving_joints
 

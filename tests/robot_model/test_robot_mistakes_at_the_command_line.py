@@ -20,7 +20,7 @@ SOME = 8
         for place, mistake in enumerate(MISTAKES)
     ],
 )
-def test_simulate_says_it_and_writes_nothing(
+def test_simulate_reports_the_mistake_and_writes_nothing(
     mistake: Mistake,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
