@@ -1,4 +1,4 @@
-"""The scripts that measure lie in rooms of at most a dozen modules."""
+"""The benchmark scripts are in folders of at most a dozen modules."""
 
 from __future__ import annotations
 

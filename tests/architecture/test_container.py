@@ -1,4 +1,4 @@
-"""The Dockerfile holds what it needs, and what it runs is there."""
+"""The Dockerfile is complete, and the command that it runs exists."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ STEPS = [tuple(line.split(maxsplit=1)) for line in TEXT.splitlines() if line and
 
 
 def only(instruction: str) -> str:
-    """What the one step of this kind says."""
+    """The argument of the only step of this kind."""
     (found,) = [words for name, words in STEPS if name == instruction]
     return found
 
 
 def ignored(path: str) -> bool:
-    """Whether the build does not see a path, by the patterns without exceptions of .dockerignore."""
+    """Whether .dockerignore excludes a path from the build, by its patterns without exceptions."""
     patterns = (ROOT / ".dockerignore").read_text("utf-8").split()
     parts = Path(path).parts
     above = ["/".join(parts[: k + 1]) for k in range(len(parts))]

@@ -18,7 +18,7 @@ MOST_MODULES = 12
 LARGER = {
     "reference_model/effects": "one file for each effect",
 }
-#: Folders of tests with more modules, which wait to be sorted as `tests/diagnosis` is.
+#: Folders of tests with more modules, still to be split like `tests/diagnosis`.
 UNSORTED = {
     "tests/benchmarks",
     "tests/challenge",
@@ -42,10 +42,10 @@ def folders(*roots: str) -> list[Path]:
     )
 
 
-#: Rooms that find the answer, and how many lines and numbers at the top of modules they may have together. A
-#: threshold of one's own is a rule that data of one kind have suggested: it is derived from noise, band, rows
-#: or odds, taken from where it is stated already, or not needed. The core that these rooms took the place of
-#: had 27,000 lines and 597 numbers, and was right on data of that kind only.
+#: Packages that find the answer, and their largest total of lines and numeric module constants. A separate
+#: threshold is a rule fitted to one kind of data: it should be derived from noise, band, rows or odds,
+#: imported from where it is already defined, or removed. The code that these packages replaced had 27,000
+#: lines and 597 numbers, and was right on that kind of data only.
 ENGINE = ("missing_physics/diagnosis", "missing_physics/inference")
 MOST_LINES, MOST_NUMBERS = 10_000, 80
 
@@ -75,7 +75,7 @@ def test_every_exception_is_an_existing_folder() -> None:
 
 
 def numbers(text: str) -> Iterator[str]:
-    """Names at the top of a module that are numbers, alone, in tuples, in mappings or computed."""
+    """Module constants that are numbers: plain, in tuples, in mappings or computed."""
     for node in ast.parse(text).body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
@@ -100,7 +100,7 @@ def test_every_constant_is_counted() -> None:
 
 @pytest.mark.parametrize("room", ["missing_physics/hypotheses", "missing_physics/inference"])
 def test_inference_code_mentions_no_effect_id(room: str) -> None:
-    """What the inference has to know of an effect is in the effect's own file."""
+    """Everything that inference needs to know about an effect is in the effect's own file."""
     ids = set(catalogue())
     for path in (ROOT / room).rglob("*.py"):
         strings = (
@@ -110,19 +110,19 @@ def test_inference_code_mentions_no_effect_id(room: str) -> None:
 
 
 def node_of(path: Path) -> str:
-    """The folder of a module; an `__init__`, which gathers names from below it, stands for itself."""
+    """The folder of a module; an `__init__`, which collects names from below it, counts separately."""
     return named(path) if path.name == "__init__.py" else named(path.parent)
 
 
 @cache
 def source(name: str) -> Path | None:
-    """The file of a module or package, if it is one of ours."""
+    """The file of a module or package of this project, else None."""
     path = ROOT.joinpath(*name.split("."))
     return next((p for p in (path / "__init__.py", path.with_suffix(".py")) if p.is_file()), None)
 
 
 def imported(path: Path) -> Iterator[Path]:
-    """Files of ours that a module imports anywhere in it."""
+    """Project files that a module imports anywhere in it."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
             names = [(alias.name, None) for alias in node.names]

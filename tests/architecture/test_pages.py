@@ -1,4 +1,4 @@
-"""The pages that people write by hand keep up with the program."""
+"""The hand-written pages agree with the program."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DIAGNOSIS = (ROOT / "docs" / "diagnosis.md").read_text("utf-8")
 README = (ROOT / "README.md").read_text("utf-8")
 EVIDENCE = (ROOT / "docs" / "evidence.md").read_text("utf-8")
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "examples").glob("*/*.md")])
-#: Lines of the README: a page that is read to its end.
+#: Largest number of lines of the README, so that it is read to its end.
 MOST_LINES = 120
 
 IN_THE_FILE = (
@@ -69,7 +69,7 @@ def test_every_number_of_the_evidence_table_is_on_its_page(row: list[str]) -> No
 
 
 def numbers_in(text: str) -> set[str]:
-    """As they are written: 93.7, 89/95, 2e-11."""
+    """Numbers as written: 93.7, 89/95, 2e-11."""
     return {found.rstrip(".e/-") for found in re.findall(r"[0-9][0-9.e/-]*", text)}
 
 
@@ -92,7 +92,7 @@ def test_the_readme_names_every_command_option_and_shipped_robot() -> None:
 
 
 def anchors_of(page: str) -> set[str]:
-    """What links into a page may name: its headings as GitHub writes them, and marks of its own."""
+    """Valid link anchors of a page: its headings in GitHub's form, and explicit anchors."""
     titles = re.findall(r"^#+ (.+)$", page, flags=re.MULTILINE)
     words = [re.sub(r"[^\w\- ]", "", title.replace("`", "").lower()) for title in titles]
     return {word.strip().replace(" ", "-") for word in words} | set(re.findall(r'<a id="([^"]+)"', page))

@@ -1,4 +1,4 @@
-"""The notebook runs, and the site has the pages that it lists."""
+"""The notebook runs, and the site navigation lists existing pages."""
 
 from __future__ import annotations
 

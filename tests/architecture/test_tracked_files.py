@@ -1,4 +1,4 @@
-"""What is in the repository runs on any machine: no path, no registry, no server open to others."""
+"""The repository is machine-independent: no local path, no registry, no server open to others."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-#: Folders of a particular machine. Written in parts, or this file would be found by its own test.
+#: Folders of a particular machine. Written in parts, or this file would fail its own test.
 MACHINE_PATH = re.compile(r"(?<![\w.~$}/:])/(?:work|root|home|opt|tmp|Users|mnt)" + r"/[\w.]")
 
-#: Where packages come from is a matter of the machine's settings, never of this repository.
+#: The source of packages belongs to the machine's settings, never to this repository.
 REGISTRY = re.compile(
     "|".join(("pypi" + r"\.org", "python" + "hosted", "(?:extra-)?index" + "-url", "find" + "-links"))
 )

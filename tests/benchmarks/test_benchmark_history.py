@@ -1,4 +1,4 @@
-"""The history of the benchmarks: rows from reports, regressions by ratio, and files that are none."""
+"""The history of the benchmarks: rows from reports, regressions by ratio, and invalid files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rows(*ratios: float, **changed: Any) -> tuple[Row, ...]:
 
 
 def report(*, own: float = 1e-3, peer: float = 4e-2, time: str = "2026-02-01T00:00:00") -> dict[str, Any]:
-    """As pytest-benchmark writes it, what is read of it."""
+    """A report of pytest-benchmark, limited to the parts that are read."""
     benchmarks = [
         {"group": "motion: flexible", "extra_info": {"ours": True, "seconds": own}},
         {"group": "motion: flexible", "extra_info": {"peer": "Exudyn RK44", "seconds": peer}},

@@ -1,4 +1,4 @@
-"""Cases of the effects' table are drawn and told as it says; what a page counts is what its rows hold."""
+"""Cases of the effects study are drawn and reported as stated; the page's counts agree with its rows."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_seeds_of_pages_are_disjoint_and_differ_from_those_of_the_challenge() ->
 
 
 def test_no_page_uses_an_inspected_seed() -> None:
-    """30110 to 30133 were, for the hard pairs."""
+    """30110 to 30133 were inspected, for the hard pairs."""
     assert hard_pairs.FIRST_SEED >= 30400
 
 
@@ -147,7 +147,7 @@ def test_effects_unobservable_in_torques_are_marked_as_not_weighed() -> None:
 
 
 def test_the_introduction_states_the_number_of_draws(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """What is said is what `_recorded` does: the first draw stays where links bend."""
+    """The text agrees with `_recorded`: with flexible links the first draw is kept."""
     attempts: list[int] = []
 
     class Drawn:
@@ -206,7 +206,7 @@ def test_indistinguishable_pairs_must_be_reported_as_ambiguous() -> None:
 
 
 def test_the_true_robot_has_the_full_improvement() -> None:
-    """Run in closed loop on the held-out motion it leaves noise and the difference of the engines."""
+    """In closed-loop simulation of the held-out motion only noise and engine differences remain."""
     drawn_case = draw_case("viscous_friction", 10200, "single_axis")
     design = drawn_case.design
     brief = {"duration": 1.5, "sample_rate": 200.0}

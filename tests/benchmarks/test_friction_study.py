@@ -1,4 +1,4 @@
-"""The friction study's cases: each part of a law can be switched alone, and the modes are enough."""
+"""The friction study's cases: each part of a law can be switched separately, and the modes suffice."""
 
 from __future__ import annotations
 

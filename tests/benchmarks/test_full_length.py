@@ -1,4 +1,4 @@
-"""What the page of full-length crosschecks says of a robot that leaves its band, without running one."""
+"""The page of full-length crosschecks for a robot that exceeds its band, without running one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page about one minute at 1 kHz, made of one second."""
+"""The page on one minute at 1 kHz, made from one second."""
 
 from pathlib import Path
 

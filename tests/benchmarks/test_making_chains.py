@@ -1,4 +1,4 @@
-"""What making a chain's code takes: measured by the compiler that the cache calls, and how it grows."""
+"""Cost of making a chain's code: measured by the compiler that the cache calls, and its growth."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Exudyn without Python runs the motions that the reference model runs, and with compiled functions those
-that it runs with functions in Python: else their times mean nothing.
+"""Exudyn without Python agrees with the reference model, and with compiled functions it agrees with Python
+functions: otherwise comparing their times would be meaningless.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ PYTHON = "twin(case.robot, sensors=False, step=2.5e-4)"
 
 
 def difference(motion: str, method: str, other: str, *, compiled: bool) -> float:
-    """Largest difference of a quantity, over the range of what moves most."""
+    """Largest difference of a quantity, relative to the largest range of its channels."""
     script = SCRIPT.replace("OTHER", other).replace("COMPILED", str(compiled))
     command = [sys.executable, "-W", "ignore", "-c", script, motion, method]
     environment = {**os.environ, SWITCH: "on" if compiled else "off"}

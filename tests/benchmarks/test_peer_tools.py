@@ -1,4 +1,4 @@
-"""Other tools on a recording by formula, whose truth they must find: else the comparison would be unfair."""
+"""Other tools must find the truth of an analytic recording: otherwise the comparison would be unfair."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def test_a_missing_peer_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_other_motor_constants_do_not_change_the_measured_torque() -> None:
-    """The voltage that a robot needs is compared, so that a weak motor needs more of it."""
+    """The required voltage is compared, so that a weak motor requires more of it."""
     made = case(as_voltage=True)
     robot = made.nominal
     [joint] = robot.joints

@@ -1,4 +1,4 @@
-"""What README and `docs/real_machines.md` show of a command's output."""
+"""Consoles of README and `docs/real_machines.md` from a command's output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of lines: everything lies inside the picture, however many curves there are."""
+"""Figures of lines: everything is inside the picture for any number of curves."""
 
 from __future__ import annotations
 

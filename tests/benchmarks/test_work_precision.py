@@ -1,4 +1,4 @@
-"""What is said of work and precision: goals counted error by error, and what user functions cost."""
+"""Results on work and precision: goals counted by error, and the cost of user functions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchmarks.work_precision.study import compiled_part, summary
 
 
 def found(name: str, family: str, *times: tuple[float, float], share: float = 0.0) -> Found:
-    """Ours takes a millisecond at every error; the other what is given at 1e-3 and 1e-5."""
+    """Our time is a millisecond at every error; the other's is given at 1e-3 and 1e-5."""
     own = [Point(OWN, "Rosenbrock", "", 1e-3, error, 0.0) for error in (9e-4, 9e-6)]
     other = [Point(family, "RK44", "", seconds, error, 0.0, share) for error, seconds in times]
     return Found(CASES[name], [*own, *other], {}, False, [])

@@ -1,4 +1,4 @@
-"""The table of real machines: every row names what exists, loads, and has signs and units of its robot."""
+"""The table of real machines: every row exists, loads, and has the signs and units of its robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ every_row = pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
 
 @pytest.fixture(autouse=True)
 def _data(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The folder of real recordings beside the repository, where no other is named."""
+    """The folder of real recordings next to the repository, unless another is given."""
     beside = ROOT.parent / "shared" / "recordings"
     if not os.environ.get("MISSING_PHYSICS_DATA") and beside.is_dir():
         monkeypatch.setenv("MISSING_PHYSICS_DATA", str(beside))
@@ -152,7 +152,7 @@ def along(row: str) -> Along:
     ],
 )
 def test_recorded_torque_matches_the_motion(row: str, joint: str, least: float) -> None:
-    """Signs, units and joints are right where recorded torque and nominal inverse dynamics go together."""
+    """Signs, units and joints are right if recorded torque and nominal inverse dynamics correlate."""
     found = along(row)
     place = found.joints.index(joint)
     measured, nominal = found.measured[:, place], found.nominal[:, place]
@@ -162,7 +162,7 @@ def test_recorded_torque_matches_the_motion(row: str, joint: str, least: float) 
 
 
 def test_every_joint_of_the_quadruped_has_friction_and_damping() -> None:
-    """The PD law, column by column: the targets of another kind of joint would leave nothing like that."""
+    """The PD law, column by column: targets of another kind of joint would not fit."""
     found = along("go2")
     for place, joint in enumerate(found.joints):
         ways = (found.acceleration, found.velocity, found.direction, np.ones_like(found.velocity))
@@ -212,7 +212,7 @@ def _smooth(recording: Recording, channel: str, cutoff: float) -> NDArray:
 
 
 def test_the_published_layout_reads_as_the_prepared_one(tmp_path: Path) -> None:
-    """A run as its authors lay it out, made of the prepared one, gives the same channels."""
+    """A run in its authors' layout, made from the prepared one, gives the same channels."""
     for row in (ROWS["kuka_iiwa14_joint2"], ROWS["arts_friction_damper"]):
         prepared = loaded(row.name).fit[0]
         assert row.published is not None

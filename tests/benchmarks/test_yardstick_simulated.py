@@ -1,4 +1,4 @@
-"""The simulated yardstick: kept cases and answers, resumption, and what its page tells of either half."""
+"""The simulated yardstick: stored cases and answers, resumption, and its page on both halves."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ SCORES: dict[tuple[str, bytes], dict[str, bytes]] = {}
 
 
 def counted(design: Design, files: dict[str, bytes]) -> dict[str, bytes]:
-    """The score of an answer, worked out once for all tests."""
+    """The score of an answer, computed once for all tests."""
     key = design.model_dump_json(), files["diagnosis.json"]
     if key not in SCORES:
         SCORES[key] = scored(design, files)
@@ -74,7 +74,7 @@ def said(*names: str) -> bytes:
 
 
 class Steps:
-    """Stands in for the processes; counts what it did, and stops where it is told to."""
+    """Replaces the processes; counts its steps, and stops where requested."""
 
     def __init__(self) -> None:
         self.done: list[str] = []

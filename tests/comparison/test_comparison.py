@@ -1,4 +1,4 @@
-"""Nominal robot, standard model and answer, compared alike; the file that is written is the better one."""
+"""Nominal robot, standard model and answer are compared alike; the better one is written to the file."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_a_joint_that_the_standard_model_predicts_better_gets_its_friction(run: 
 
 
 def test_held_out_stretches_are_not_fitted(run: Recording) -> None:
-    """Nonsense in a stretch that is held out changes no number."""
+    """Arbitrary data in a held-out stretch change no estimate."""
     inside = (run.time > 3.5) & (run.time < 4.0)
     spoiled = run.with_channels({c: np.where(inside, run[c] + 50.0, run[c]) for c in CHANNELS})
     plain = fit_standard(ARM, [run], cutoff=8.0, held_out=[[(2.5, 5.0)]]).estimate.values

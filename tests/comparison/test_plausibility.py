@@ -1,4 +1,4 @@
-"""What numbers of machines can be: one table, and nothing is stated beyond it."""
+"""Credible values of machine parameters: one table, and no stated value is outside it."""
 
 from __future__ import annotations
 

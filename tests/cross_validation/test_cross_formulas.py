@@ -1,4 +1,4 @@
-"""Formulas of both engines at the same states; what a page of evidence shows, `make test` keeps true."""
+"""Formulas of both engines at the same states; `make test` checks the claims of the evidence page."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ pytestmark = pytest.mark.cross_validation
 
 #: States of a subject in the quick tests.
 FEW = 2
-#: Built as one other robot of the quick tests is, and as long to build: these are proofs.
+#: Similar to another robot of the quick tests and as slow to build: long tests only.
 ALIKE = {"imported_lattice_free_free", "imported_frame_clamped_free", "imported_lattice_clamped_free"}
-#: Faults that only the last and largest robots show, after all others were built, or that sit beside another
-#: fault of the same formula: these are proofs.
+#: Faults detected only by the last and largest robots, or next to another fault of the same formula: long
+#: tests only.
 LATE = {
     "modal stiffness from frequencies in Hz",
     "gravity turns a bent link about its unbent centre of mass, as in Exudyn's own load",
@@ -86,6 +86,6 @@ def test_the_catalogue_contains_late_faults() -> None:
     [pytest.param(f, id=f.what, marks=pytest.mark.proof if f.what in LATE else ()) for f in FAULTS],
 )
 def test_every_seeded_fault_is_detected(fault: Fault) -> None:
-    """Most are seen by the first robot."""
+    """Most are detected by the first robot."""
     with seeded(fault):
         assert caught() is not None

@@ -1,4 +1,4 @@
-"""Trajectories of both engines: they meet as Exudyn's step shrinks, and stay near at ordinary steps."""
+"""Trajectories of both engines: they converge with Exudyn's step, and are close at ordinary steps."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from benchmarks.cross_validation.matrix import (
 pytestmark = pytest.mark.cross_validation
 
 BY_NAME = {study.name: study for study in STUDIES}
-#: Corners of the matrix that together hold every robot, law and motion; all of it is a proof, as are its
-#: three longest corners.
+#: Corners of the matrix that together cover every robot, law and motion; the complete matrix and its three
+#: longest corners are long tests.
 CORNERS = (
     ("rigid", "planar", "fixed", "Stribeck", "slow"),
     ("rigid", "spatial", "free", "LuGre with load", "reversing"),

@@ -1,4 +1,4 @@
-"""A base on springs: frequencies of closed form, weight, and the limits of stiff and of floating."""
+"""A base on springs: analytic frequencies, weight, and the limits of a stiff and a floating base."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def arm(**changes: object) -> Robot:
 
 
 def weight(axis: tuple[float, float, float]) -> Robot:
-    """A carriage that runs into its stop at once and pushes the base off."""
+    """A carriage that hits its stop immediately and pushes the base."""
     slide = Joint(
         name="slide", kind="prismatic", parent="base", child="load", axis=axis, initial_velocity=1.0
     )

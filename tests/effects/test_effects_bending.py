@@ -1,4 +1,4 @@
-"""A rigid link that bends after all: mass kept, frequencies of closed form, the limit of a stiff link."""
+"""Flexibility of a link described as rigid: mass, analytic frequencies, the limit of a stiff link."""
 
 from __future__ import annotations
 

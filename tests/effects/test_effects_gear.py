@@ -1,4 +1,4 @@
-"""What the effects in a gear say, on their own: energy, loss, play, loops."""
+"""Gear effects in isolation: energy, loss, play, loops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LuGre friction against what is known of it in closed form."""
+"""LuGre friction against closed forms."""
 
 from __future__ import annotations
 

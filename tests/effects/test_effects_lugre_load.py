@@ -1,4 +1,4 @@
-"""LuGre and Stribeck friction whose level follows the bearing load, against the law of surfaces."""
+"""LuGre and Stribeck friction with load-dependent level, against the law in surface coordinates."""
 
 from __future__ import annotations
 

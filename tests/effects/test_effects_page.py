@@ -1,4 +1,4 @@
-"""The catalogue as people see it: the page in the documents, and the command."""
+"""The user's view of the catalogue: the documentation page and the command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sensor effects: what a faulty sensor says, and its first-order error."""
+"""Sensor effects: readings of a faulty sensor, and its first-order error."""
 
 from __future__ import annotations
 

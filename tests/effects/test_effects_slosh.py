@@ -1,4 +1,4 @@
-"""Slosh: frequencies of closed form, momentum, and the same liquid as a mass on three sprung slides."""
+"""Slosh: analytic frequencies, momentum, and the same liquid as a mass on three sprung slides."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def slosh(**parameters: float) -> EffectUse:
 
 
 def craft(**changes: object) -> Robot:
-    """A free base with a driven arm that swings back to where it is told to be."""
+    """A free base with a driven arm that swings back to its reference."""
     given = {
         "name": "craft",
         "base": Base(
@@ -160,5 +160,5 @@ def test_more_liquid_than_base_is_refused() -> None:
 
 
 def test_the_recording_has_no_channel_of_the_liquid() -> None:
-    """A robot without sensors is measured on every channel that its description knows of."""
+    """A robot without sensors records every channel of its description."""
     assert not [c for c in simulate(craft().with_effects(slosh())).channels if c.startswith("slosh")]

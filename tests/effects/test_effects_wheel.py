@@ -1,4 +1,4 @@
-"""Reaction wheels on the base against Euler's equations, and against a real rotor on a joint."""
+"""Reaction wheels on the base against Euler's equations, and against an explicit rotor on a joint."""
 
 from __future__ import annotations
 

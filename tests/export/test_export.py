@@ -1,4 +1,4 @@
-"""What is exported moves as the robot does that was exported."""
+"""An exported robot has the same dynamics as the original."""
 
 from __future__ import annotations
 

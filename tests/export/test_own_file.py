@@ -1,4 +1,4 @@
-"""The user's own file with what was found: only the numbers differ, and MuJoCo moves as our engine does."""
+"""The user's own file with the findings: only numbers differ, and MuJoCo agrees with our engine."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def own(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def torques(robot: Robot) -> np.ndarray:
-    """What some motion needs, friction included, shape (R, n)."""
+    """Torques required by some motion, friction included, shape (R, n)."""
     chance = np.random.default_rng(2)
     state = chance.uniform(-1.0, 1.0, (3, 20, 2))
     content = content_of(robot)

@@ -1,4 +1,4 @@
-"""Faults that comparing the engines showed, each with a closed form or a balance of its own."""
+"""Faults revealed by comparing the engines, each tested by a closed form or a balance."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def test_full_computed_torque_of_a_flexible_robot_converges_at_second_order(gain
 
 
 def test_full_computed_torque_leaves_no_error_on_its_own_model() -> None:
-    """On its own model it decouples the joints, so that nothing leads them astray."""
+    """On its own model it decouples the joints, so that there is no tracking error."""
     robot = moving_flexible_robot().model_copy(update={"effects": ()})
     start = [joint.model_copy(update={"initial_velocity": 0.0}) for joint in robot.joints]
     robot = robot.model_copy(update={"joints": tuple(start)})

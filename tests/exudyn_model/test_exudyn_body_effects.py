@@ -1,4 +1,4 @@
-"""Effects of links and base in both engines: trajectories that meet with the square of the step."""
+"""Effects of links and base in both engines: trajectories converge with the square of the step."""
 
 from __future__ import annotations
 

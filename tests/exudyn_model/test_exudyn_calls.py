@@ -1,4 +1,4 @@
-"""What a caller sees of a run besides its recording: progress, refusals beforehand, how it diverges."""
+"""The interface of a run besides its recording: progress, early refusals, divergence."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.plant.acting import TRANSITION as REFERENCE_TRANSITION
 from robot_model import EffectUse, InputError
 
-#: What a law of this engine does not get to see: there the reference model sees nothing either.
+#: Signals that a law of this engine does not use: the reference model gets zeros there.
 UNSEEN = {"acceleration": 0.0, "radial_force": 0.0, "axial_force": 0.0, "bending_moment": 0.0}
 #: Arms that make the bearing's load moment W equal to the sum of its radial forces.
 UNIT_ARMS = (1.0, 0.0)

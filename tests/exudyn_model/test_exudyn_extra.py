@@ -1,4 +1,4 @@
-"""Forces from outside the description act as the same forces from inside it do."""
+"""User-defined forces act like the same forces in the description."""
 
 from __future__ import annotations
 

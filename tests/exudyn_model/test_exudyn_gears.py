@@ -1,4 +1,4 @@
-"""Motors that move by themselves in Exudyn: beside the reference model, in both formulations."""
+"""Separate motor coordinates in Exudyn: compared with the reference model, in both formulations."""
 
 from __future__ import annotations
 

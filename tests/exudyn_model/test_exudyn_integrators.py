@@ -1,4 +1,4 @@
-"""Fixed steps: the orders of Exudyn's integrators, and what they do not carry."""
+"""Fixed steps: the orders of Exudyn's integrators, and unsupported cases."""
 
 from __future__ import annotations
 

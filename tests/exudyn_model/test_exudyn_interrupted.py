@@ -1,4 +1,4 @@
-"""An interrupt ends a simulation, although Exudyn takes it for a fault of the Python code that it calls."""
+"""An interrupt ends a simulation, although Exudyn reports it as an error of the Python code it calls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions known in closed form, and what motion must conserve."""
+"""Motions known in closed form, and conserved quantities."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_pendulum_conserves_energy() -> None:
 
 
 def base_motion(recording: Recording) -> BaseMotion:
-    """What the reference model wants to know of a free base; accelerations do not matter to momentum."""
+    """Motion of a free base for the reference model; accelerations do not influence momentum."""
     attitude = np.stack([recording[f"base.attitude.{axis}"] for axis in "wxyz"], axis=1)
     angular, linear = (
         np.stack([recording[f"base.{name}.{axis}"] for axis in "xyz"], axis=1)

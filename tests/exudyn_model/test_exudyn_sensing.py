@@ -1,4 +1,4 @@
-"""What the sensors of a simulation say."""
+"""Sensor readings of a simulation."""
 
 from __future__ import annotations
 

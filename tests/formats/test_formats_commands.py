@@ -40,7 +40,7 @@ noise = 1e-2
 
 @dataclass(frozen=True)
 class Said:
-    """Exit code and what was printed."""
+    """Exit code and printed output."""
 
     code: int
     out: str
@@ -48,7 +48,7 @@ class Said:
 
 
 class Front:
-    """The front door: runs the command as its user does."""
+    """Runs the command as a user does."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self.monkeypatch, self.capsys = monkeypatch, capsys
@@ -68,14 +68,14 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 
 @pytest.fixture
 def arm(files: Path, tmp_path: Path) -> Path:
-    """A URDF with an overlay beside it."""
+    """A URDF with an overlay next to it."""
     (tmp_path / "arm.urdf").write_text((files / "pendulum.urdf").read_text())
     (tmp_path / "arm.overlay.toml").write_text(OVERLAY.format(effects=""))
     return tmp_path / "arm.urdf"
 
 
 def test_from_a_urdf_to_a_finding(run: Front, arm: Path, tmp_path: Path) -> None:
-    """What the URDF says of friction moves the simulation, and is found by a diagnosis that drops it."""
+    """Friction of the URDF affects the simulation, and is found by a diagnosis without it."""
     log = tmp_path / "run.csv"
     assert run("simulate", arm, "--out", log, "--quiet") == Said(0, "", "")
     assert set(load_recording(log)) >= {"pivot.position", "pivot.torque"}

@@ -1,4 +1,4 @@
-"""Each kind of mistake in a URDF, xacro or MJCF file is told in one sentence with file, line and element."""
+"""Each mistake in a URDF, xacro or MJCF file is reported in one sentence with file, line and element."""
 
 from __future__ import annotations
 
@@ -321,7 +321,7 @@ XACRO = {
 
 
 def refusal(path: Path, valid: str, old: str, new: str) -> str:
-    """What is said of the valid text with `old` written as `new`."""
+    """The message for the valid text with `old` replaced by `new`."""
     assert old in valid
     path.write_text(valid.replace(old, new, 1))
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""What a robot cannot hold of a file is said once; what it holds is what the file means."""
+"""Content of a file that a robot cannot hold is noted once; the rest keeps its meaning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An overlay says what a file cannot; it changes what it names and nothing else."""
+"""An overlay adds values that a file cannot hold; it changes only what it names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""xacro files expand to what the package that ROS uses makes of them, without its means."""
+"""xacro files expand as with the package that ROS uses, without its unsafe features."""
 
 from __future__ import annotations
 

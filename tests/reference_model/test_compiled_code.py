@@ -1,4 +1,4 @@
-"""Compiled C against CasADi's own machine: the same numbers, kept safely, and a note where it cannot be."""
+"""Compiled C against CasADi's own evaluation: same results, safe caching, and a note if unavailable."""
 
 from __future__ import annotations
 

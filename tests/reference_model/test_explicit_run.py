@@ -1,4 +1,4 @@
-"""The explicit integrator in compiled code: the motion that CVODES finds, as exactly as it was asked for."""
+"""The explicit integrator in compiled code: agreement with CVODES to the requested tolerance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of fixed length: their order, closed forms of the bristles, and loops of one's own."""
+"""Steps of fixed length: their order, closed forms of the bristles, and user loops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The flexible robot: both directions of the dynamics, and what no internal force can change."""
+"""The flexible robot: forward and inverse dynamics, and conserved quantities."""
 
 from __future__ import annotations
 

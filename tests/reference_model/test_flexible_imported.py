@@ -1,4 +1,4 @@
-"""Bodies of somebody's own finite elements: a beam by way of a file, and a solid block."""
+"""Bodies from external finite elements: a beam in a file, and a solid block."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The closed loop of flexible robots: what no internal force can change, closed forms, limits."""
+"""The closed loop of flexible robots: conserved quantities, closed forms, limits."""
 
 from __future__ import annotations
 

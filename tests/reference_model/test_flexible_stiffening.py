@@ -1,4 +1,4 @@
-"""Foreshortening of a bent beam, and with it the stiffness that a spinning beam gains."""
+"""Foreshortening of a bent beam, and the resulting stiffening of a spinning beam."""
 
 from __future__ import annotations
 

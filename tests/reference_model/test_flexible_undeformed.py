@@ -1,4 +1,4 @@
-"""The rigid robot that a controller takes a flexible one for."""
+"""The rigid model that a controller uses for a flexible robot."""
 
 from __future__ import annotations
 

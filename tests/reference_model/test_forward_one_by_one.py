@@ -1,4 +1,4 @@
-"""Forward dynamics one state at a time: the numbers of whole arrays, and arguments that are read in place."""
+"""Forward dynamics one state at a time: agreement with array evaluation, and arguments read in place."""
 
 from __future__ import annotations
 

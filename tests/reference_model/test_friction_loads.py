@@ -1,4 +1,4 @@
-"""Bearing loads of one and of two bearings, and the moment W that they make for friction."""
+"""Loads of one and of two bearings, and the resulting friction moment W."""
 
 from __future__ import annotations
 

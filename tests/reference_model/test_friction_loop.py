@@ -1,4 +1,4 @@
-"""The loop of bearing loads and friction: how fast it closes, and what is said when it does not."""
+"""The loop of bearing loads and friction: its convergence, and the error if it does not converge."""
 
 from __future__ import annotations
 

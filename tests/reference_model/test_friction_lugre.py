@@ -1,4 +1,4 @@
-"""What LuGre friction is published for: break-away, pre-sliding, lag, Stribeck curve, passivity."""
+"""Published properties of LuGre friction: break-away, pre-sliding, lag, Stribeck curve, passivity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The friction of the shipped flexible robots: the law of the surfaces, and what it does in their motion."""
+"""The friction of the shipped flexible robots: the law in surface coordinates, and its effect in motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stick-slip and hunting: limit cycles that dry friction makes, against closed forms."""
+"""Stick-slip and hunting: limit cycles due to dry friction, against closed forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motors that move by themselves: two inertias on a spring, play, limits, balances, refusals."""
+"""Separate motor coordinates: two inertias on a spring, play, limits, balances, refusals."""
 
 from __future__ import annotations
 

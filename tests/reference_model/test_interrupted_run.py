@@ -1,4 +1,4 @@
-"""An interrupt ends a simulation, although CasADi takes it for a failure of the right-hand side."""
+"""An interrupt ends a simulation, although CasADi reports it as a failure of the right-hand side."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONG = 400.0
 
 @pytest.fixture
 def _soon(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What is run by CVODES is interrupted a twentieth of a second after it has begun."""
+    """A CVODES run is interrupted a twentieth of a second after its start."""
     real, begun = integration.cvodes, []
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
 

@@ -1,4 +1,4 @@
-"""The state derivative as a loop over bodies: numbers of the straight line, with code that does not grow."""
+"""The state derivative as a loop over bodies: results of straight-line code, with code of constant size."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ also_by_exudyn = pytest.mark.parametrize("run", [reference, pytest.param(exudyn,
 SLIDING = {"kind": "sliding_mode", "slope": 2.0, "rate": 1.0, "boundary_layer": 1e-3}
 NETWORK = {"kind": "adaptive_network", "kp": 25.0, "kd": 10.0, "centres": 5, "width": 1.0, "adaptation": 0.0}
 RUBBING = {"effect": "viscous_friction", "at": "slide", "coefficient": 3.0}
-#: A constant push that no controller's model knows [N].
+#: A constant push unknown to the controllers [N].
 PUSH = {"effect": "external_torque", "at": "slide", "torque": 4.0, "start": 0.0, "duration": 100.0}
 
 

@@ -1,4 +1,4 @@
-"""Prescribed joint motion gives what the closed loop gave along the same motion, effects included."""
+"""Prescribed joint motion reproduces the closed loop along the same motion, effects included."""
 
 from __future__ import annotations
 

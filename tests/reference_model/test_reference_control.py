@@ -1,4 +1,4 @@
-"""Controllers, drives and reference motions by what they must do."""
+"""Expected behaviour of controllers, drives and reference motions."""
 
 from __future__ import annotations
 

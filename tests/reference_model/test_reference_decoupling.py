@@ -1,4 +1,4 @@
-"""Computed torque on rigid robots: what is decoupled, what holds the base, what friction leaves."""
+"""Computed torque on rigid robots: decoupling, holding the base, residual error due to friction."""
 
 from __future__ import annotations
 
