@@ -67,9 +67,9 @@ CHANGED = {"backlash": "weightless", "gear_hysteresis": "weightless"}
 
 
 def keys(effects: Sequence[str], first: int, draws: int) -> list[Key]:
-    """The cases of these effects; each has its numbers whichever others are asked for."""
+    """The cases of these effects; their numbers do not depend on the other effects."""
     found, every = [], sorted(catalogue())
-    for draw in range(draws):  # every effect once before any is drawn again
+    for draw in range(draws):  # every effect once before any is repeated
         for place, effect in enumerate(every):
             if effect in effects:
                 turns = ROBOTS.get(effect, USUAL)

@@ -1,7 +1,7 @@
-"""What the paper's abstract and introduction say of friction, held against the simulations of the study.
+"""Statements on friction in the paper's abstract and introduction, compared with the study's simulations.
 
-Each claim gives a verdict and the numbers it rests on; both are computed. A claim holds here for this
-robot, these controllers and these figures of friction, all of which are this project's own.
+Each claim gives a verdict and its supporting numbers; both are computed. A claim holds here for this robot,
+these controllers and these friction parameters, all of which are this project's own.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from benchmarks.friction.measures import Measures, error, measures
 __all__ = ["claims", "hunting_cases"]
 
 MILLI = 1e3
-#: Friction matters for a quantity when it makes it so many times as large as without friction.
+#: Friction matters for a quantity when it increases it by this factor relative to no friction.
 MANY = 2.0
-#: And when what it makes is above this: a tenth of a millimetre at the tip [m].
+#: And when the result is above this: a tenth of a millimetre at the tip [m].
 SEEN = 1e-4
-#: A limit cycle keeps this part of its size from the second to the last quarter of the hold.
+#: A limit cycle keeps this fraction of its amplitude from the second to the last quarter of the hold.
 KEPT = 0.8
 #: A smaller swing is rest [rad].
 AWAKE = 1e-4
-#: An error that is larger by more than this part is another error.
+#: Errors that differ by more than this fraction are different.
 MATTERS = 0.02
 EQUAL = "LuGre, equal coefficients"
-#: Comparisons of two laws: what the one adds to the other.
+#: Comparisons of two laws: difference of the first from the second.
 STATIC = "Stribeck over Coulomb (the static coefficient)"
 STATE = "LuGre over Stribeck (the state)"
 BARE_STATE = "LuGre with equal coefficients over Coulomb (the state)"
@@ -76,7 +76,7 @@ def _joints() -> tuple[str, str, str]:
         f"Above 0.5 Hz the joint error more than doubles in {share} of {len(found)} cases with preload "
         "and in "
         f"{part} of {len(light)} without. Largest: {number(MILLI * most)} mrad rms ({_told(case)}) against "
-        f"{number(MILLI * without)} mrad without friction: small against the error that friction leaves.",
+        f"{number(MILLI * without)} mrad without friction: small compared with the error due to friction.",
     )
 
 
@@ -174,16 +174,16 @@ def _low_speed() -> tuple[str, str, str]:
     return (
         claim,
         f"{verdict} {' and '.join(parts) or 'errors'}{'' if state else ', not for the internal state'}",
-        f"Excess of tracking error (joint 1, base free, preload): {told}. What a law with a static "
-        "coefficient adds to Coulomb's error is that coefficient; with equal coefficients LuGre's error is "
-        "Coulomb's. Link vibration in the slow motion is "
+        f"Excess of tracking error (joint 1, base free, preload): {told}. The excess of a law with a static "
+        "coefficient over Coulomb's error is due to that coefficient; with equal coefficients LuGre's error "
+        "is Coulomb's. Link vibration in the slow motion is "
         f"{number(MILLI * slow.vibration)} mm, and without preload low speed takes the load away with "
         f"the accelerations: tracking error {number(MILLI * light.tracking['joint1'])} mrad.",
     )
 
 
 def _steps(manoeuvre: str) -> Iterator[tuple[str, tuple[Case, Case]]]:
-    """What is compared with what, so that each part of a law stands alone."""
+    """Pairs of cases that isolate each part of a law."""
     coulomb = Case("Coulomb", manoeuvre, preload=PRELOAD)
     stribeck, lugre = coulomb.but(friction="Stribeck"), coulomb.but(friction="LuGre")
     yield STATIC, (stribeck, coulomb)

@@ -1,4 +1,4 @@
-"""What the number of modes of the flexible link is worth: free frequencies, and what the study measures."""
+"""Influence of the number of modes of the flexible link on free frequencies and on the study's measures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_model import Robot
 __all__ = ["free_frequencies", "truncation"]
 
 MILLI = 1e3
-#: Elements and modes of the shipped robots, of the study, and of what counts as converged.
+#: Elements and modes of the shipped robots, of the study, and of the converged solution.
 SHIPPED, CONVERGED = (12, 4), (96, 24)
 MESHES = (SHIPPED, (12, 6), (ELEMENTS, MODES), (ELEMENTS, 8))
 #: Frequencies on the page.
@@ -67,7 +67,7 @@ def truncation() -> str:
 
 
 def _cost() -> str:
-    """What the shipped robots' modes cost in the numbers of the study."""
+    """Error of the study's numbers due to the shipped robots' modes."""
     rows = []
     for case in (
         Case("none", base="held"),

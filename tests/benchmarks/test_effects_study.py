@@ -126,7 +126,8 @@ def test_an_unobservable_case_states_why_it_is_not_counted() -> None:
     assert "| place right | - |" in text
     assert "Not counted, for reasons that stand with each case: 10 (coulomb_friction)." in text
     assert "| yes, not counted | yes, not counted |" in text
-    why = "one of the two recordings shows it by 3.25 only, says the true model, and 28 are needed in both."
+    strength = "by the true model its strength in one of the two recordings is 3.25 only,"
+    why = f"{strength} and 28 is needed in both."
     assert reason(faint) == why
     assert f"- 10: Named, but not counted: {why}" in text
     assert f"- 10: Not counted: {why}" in page([replace(faint, name_right=False)], command="x")
