@@ -1,10 +1,10 @@
-"""Time and memory of making a chain's state derivative, each measured in a process of its own.
+"""Time and memory of making a chain's state derivative, each measured in a separate process.
 
     python -m benchmarks.speed.making loop|straight rigid|flexible LINKS
 
-prints one measurement as JSON. Code is compiled into an empty cache, by a compiler that stands behind a short
-script, which tells the compiler's processor time and the largest memory of its processes: what the system
-reports of a process begins with the memory of the one that started it.
+prints one measurement as JSON. Code is compiled into an empty cache, by a compiler wrapped in a short script,
+which reports the compiler's processor time and the largest memory of its processes: the system's value for a
+process includes the memory of the one that started it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from reference_model.codegen.compiled import SWITCH, compiler
 __all__ = ["MADE", "exponents", "made"]
 
 ROOT = Path(__file__).resolve().parents[2]
-#: What is measured, in the order of the table's columns.
+#: Measured quantities, in the order of the table's columns.
 MADE = ("equations", "generating", "memory", "compiling", "compiler", "library")
 #: In place of the compiler on the path: runs it, and appends [s, kB] of its processes to a file.
 SCRIPT = """#!{python} -S
@@ -72,7 +72,7 @@ def made(way: str, kind: str, links: int) -> Mapping[str, float]:
 
 
 def exponents(links: Sequence[int], rows: Sequence[Mapping[str, float]]) -> Mapping[str, float]:
-    """Of the growth of every figure with the number of links, by least squares of logarithms."""
+    """Exponents of the growth of every value with the number of links, by least squares of logarithms."""
     over = np.log(links)
     return {key: float(np.polyfit(over, np.log([row[key] for row in rows]), 1)[0]) for key in MADE}
 

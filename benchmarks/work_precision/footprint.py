@@ -1,9 +1,9 @@
-"""What an engine costs before it runs, and its memory: each measured in a process of its own.
+"""Preparation time and memory of an engine, each measured in a separate process.
 
     python -m benchmarks.work_precision.footprint ENGINE MOTION
 
-prints one measurement as JSON; the page takes the medians of a few. Nothing but the standard library is
-imported at the head of this file, since whatever is would be in nobody's time and everybody's memory.
+prints one measurement as JSON; the page uses the medians of a few. Only the standard library is imported at
+the top of this file, since other imports would be missing in the time and included in the memory.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pathlib import Path
 
 __all__ = ["footprint_part", "measured", "peak"]
 
-#: Processes of each kind, whose medians are told; one where everything is compiled anew.
+#: Processes of each kind, whose medians are reported; one where everything is recompiled.
 TIMES = 3
 MOTIONS = ("arm, tracking", "space arm, joint control", "flexible", "flexible, LuGre")
-#: Where compiled code is kept; an empty folder means that everything is compiled.
+#: Variable of the cache of compiled code; an empty folder means that everything is compiled.
 CACHE = "MISSING_PHYSICS_CODE_CACHE"
 ROOT = Path(__file__).resolve().parents[2]
 MEGABYTE = 1024.0  # the system counts kilobytes
@@ -110,7 +110,7 @@ ENGINES: Mapping[str, Callable[[str], Mapping[str, float]]] = {
 
 
 def measured(engine: str, motion: str, *, cache: str | None = None) -> Mapping[str, float]:
-    """One measurement in a fresh process, with a folder of compiled code of its own if one is given."""
+    """One measurement in a fresh process, with a separate cache of compiled code if given."""
     environment = {**os.environ, **({CACHE: cache} if cache else {})}
     words = [sys.executable, "-W", "ignore", "-m", "benchmarks.work_precision.footprint", engine, motion]
     told = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)

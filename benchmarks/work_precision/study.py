@@ -35,7 +35,7 @@ VIEWED = Path("reports/work_precision.rrd")
 HISTORY = Path("reports/benchmarks_history.json")
 #: Relative errors at which times are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-#: How many times faster than Exudyn the reference model is meant to be.
+#: Goals: speed of the reference model relative to Exudyn.
 GOALS = {True: 100, False: 20}
 
 
@@ -64,7 +64,7 @@ def native_part(cases: Sequence[Found]) -> str:
 
 
 def compiled_part(cases: Sequence[Found]) -> str:
-    """The same where Exudyn needs user functions, and has them in C."""
+    """The same where Exudyn needs user functions, written in C."""
     return "\n\n".join(
         [
             "## How many times faster at equal error: Exudyn with compiled functions",
@@ -96,7 +96,7 @@ def _ratio_table(cases: Sequence[Found], family: str) -> str:
 
 
 def _told(found: Found, family: str, error: float) -> str:
-    """The ratio; with user functions also the share they take, and the ratio without it."""
+    """The ratio; with user functions also their fraction of the time, and the ratio without it."""
     ratio = _ratio(found, (family,), error)
     share = share_at(found.points, (family,), error)
     if ratio is None or not share:
@@ -177,7 +177,7 @@ def _python_ratios(found: Found) -> list[float]:
 
 
 def limit_part(cases: Sequence[Found]) -> str:
-    """How far the converged solutions are apart."""
+    """Differences of the converged solutions."""
     rows = []
     for found in cases:
         for group, apart in found.apart.items():
@@ -220,7 +220,7 @@ def method_part(cases: Sequence[Found]) -> str:
 
 
 def broken_part(cases: Sequence[Found]) -> str:
-    """What did not come through."""
+    """Failed trials."""
     told = [f"{found.case.name}: {what}" for found in cases for what in found.broken]
     if not told:
         return ""
@@ -228,7 +228,7 @@ def broken_part(cases: Sequence[Found]) -> str:
 
 
 def bench_part(path: Path = HISTORY) -> str:
-    """How long the last run of `make bench` on this machine took; empty where none is known."""
+    """Duration of the last run of `make bench` on this machine; empty if unknown."""
     timed = [row for row in read(path) if row.seconds >= 0]
     if not timed:
         return ""
