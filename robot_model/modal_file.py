@@ -83,7 +83,7 @@ def read_modal_file(path: str | os.PathLike[str]) -> ModalMatrices:
 
 @dataclass(frozen=True)
 class _Arrays:
-    """The arrays of an open NPZ file, read one by one, none before its size is known."""
+    """The arrays of an open NPZ file, read one by one, each after checking its size."""
 
     path: Path
     archive: zipfile.ZipFile
@@ -122,7 +122,7 @@ def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[_Arrays]:
-    """The file's arrays; every failure of the file itself as one sentence."""
+    """The file's arrays; every failure of the file is reported in one sentence."""
     try:
         with zipfile.ZipFile(path) as archive:
             yield _Arrays(path, archive)
@@ -193,7 +193,7 @@ def _dense(arrays: _Arrays, name: str) -> sparse.csr_array:
 
 
 def _sparse(arrays: _Arrays, name: str) -> sparse.csr_array:
-    """The matrix of compressed rows, whose indices may be anything before they are checked."""
+    """The matrix of compressed rows, with checked indices."""
     data = _finite(arrays, f"{name}_data")
     indices, pointers = (_whole(arrays, f"{name}_{part}") for part in ("indices", "indptr"))
     rows = len(pointers) - 1
@@ -221,7 +221,7 @@ def _whole(arrays: _Arrays, name: str) -> NDArray[np.int64]:
 
 
 def _is_symmetric(arrays: _Arrays, name: str, matrix: sparse.csr_array) -> None:
-    """Each entry beside the larger of the two diagonal ones, since rows may have different units."""
+    """Each entry relative to the larger of its two diagonal ones, since rows may have different units."""
     difference = sparse.coo_array(abs(matrix - matrix.T))
     diagonal = np.sqrt(np.abs(matrix.diagonal()))
     scale = np.maximum(diagonal[difference.coords[0]] * diagonal[difference.coords[1]], np.finfo(float).tiny)
@@ -256,7 +256,7 @@ def _is_definite(mass: sparse.csr_array, stiffness: sparse.csr_array, path: str 
 
 
 def _scaled(matrix: sparse.csr_array, weights: NDArray[np.float64]) -> sparse.csr_array:
-    """The matrix for degrees of freedom of unit mass, free of units but for 1/s^2."""
+    """The matrix for degrees of freedom of unit mass, in 1/s^2."""
     scale = sparse.diags_array(1 / np.sqrt(weights))
     with np.errstate(
         over="ignore", invalid="ignore"
@@ -265,7 +265,7 @@ def _scaled(matrix: sparse.csr_array, weights: NDArray[np.float64]) -> sparse.cs
 
 
 def _is_positive(matrix: sparse.csr_array) -> bool:
-    """Whether a symmetric matrix is positive definite: whether elimination meets positive pivots only."""
+    """Whether a symmetric matrix is positive definite: elimination has only positive pivots."""
     if not np.isfinite(matrix.data).all():
         return False
     if matrix.shape[0] <= DENSE_ROWS:

@@ -2,9 +2,9 @@
 
 Rigid robots are `ObjectKinematicTree`, which explicit Runge-Kutta methods can integrate, with or without
 error control. Flexible ones are bodies, constraints and `ObjectFFRFreducedOrder`, for which Exudyn has
-implicit methods of second order at fixed steps. Bodies and modes come from `exudyn_model`. Control and friction are
-symbolic user functions, which Exudyn evaluates in C++ (`laws`, `lugre`), or, where these are not possible,
-user functions in C (`compiled`).
+implicit methods of second order at fixed steps. Bodies and modes come from `exudyn_model`. Control and
+friction are symbolic user functions, which Exudyn evaluates in C++ (`laws`, `lugre`), or, where these are not
+possible, user functions in C (`compiled`).
 """
 
 from benchmarks.native.compiled import CompiledLaws
