@@ -74,7 +74,7 @@ def read_modal_file(path: str | os.PathLike[str]) -> ModalMatrices:
         mass, stiffness = (_matrix(arrays, name, len(nodes)) for name in ("mass", "stiffness"))
     if mass.shape != stiffness.shape:
         raise InputError(
-            f"{path}: mass is {_told(mass.shape)} but stiffness {_told(stiffness.shape)}; both need the same "
+            f"{path}: mass is {_size(mass.shape)} but stiffness {_size(stiffness.shape)}; both need the same "
             "degrees of freedom."
         )
     _is_definite(mass, stiffness, path)
@@ -140,7 +140,7 @@ def _opened(path: Path) -> Iterator[_Arrays]:
         raise InputError(f"{path} is not an NPZ file of arrays: {error}.") from None
 
 
-def _told(shape: tuple[int, ...]) -> str:
+def _size(shape: tuple[int, ...]) -> str:
     return " x ".join(map(str, shape)) or "a single number"
 
 
@@ -158,7 +158,7 @@ def _finite(arrays: _Arrays, name: str) -> NDArray[np.float64]:
 def _nodes(arrays: _Arrays) -> NDArray[np.float64]:
     nodes = _finite(arrays, "nodes")
     if nodes.ndim != 2 or nodes.shape[1] != 3 or len(nodes) < 2:
-        raise InputError(f"{arrays.path}: nodes is {_told(nodes.shape)}; it needs N x 3, two nodes or more.")
+        raise InputError(f"{arrays.path}: nodes is {_size(nodes.shape)}; it needs N x 3, two nodes or more.")
     if len(nodes) > MOST_NODES:
         raise InputError(
             f"{arrays.path}: nodes has {len(nodes)} of them and may have {MOST_NODES}; reduce the mesh."
@@ -173,7 +173,7 @@ def _matrix(arrays: _Arrays, name: str, nodes: int) -> sparse.csr_array:
     rows, columns = matrix.shape
     if rows != columns or rows not in (3 * nodes, 6 * nodes):
         raise InputError(
-            f"{arrays.path}: {name} is {_told(matrix.shape)}; {nodes} nodes need {3 * nodes} or {6 * nodes} "
+            f"{arrays.path}: {name} is {_size(matrix.shape)}; {nodes} nodes need {3 * nodes} or {6 * nodes} "
             "rows and as many columns."
         )
     _is_symmetric(arrays, name, matrix)
@@ -183,10 +183,10 @@ def _matrix(arrays: _Arrays, name: str, nodes: int) -> sparse.csr_array:
 def _dense(arrays: _Arrays, name: str) -> sparse.csr_array:
     array = _finite(arrays, name)
     if array.ndim != 2:
-        raise InputError(f"{arrays.path}: {name} is {_told(array.shape)}; it needs rows and columns.")
+        raise InputError(f"{arrays.path}: {name} is {_size(array.shape)}; it needs rows and columns.")
     if len(array) > MOST_DENSE_ROWS:
         raise InputError(
-            f"{arrays.path}: {name} is {_told(array.shape)}; above {MOST_DENSE_ROWS} rows give it as "
+            f"{arrays.path}: {name} is {_size(array.shape)}; above {MOST_DENSE_ROWS} rows give it as "
             f"{name}_data, {name}_indices, {name}_indptr (compressed rows)."
         )
     return sparse.csr_array(array)

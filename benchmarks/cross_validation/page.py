@@ -138,8 +138,8 @@ def summary(found: Sequence[Outcome]) -> str:
         cells = [f"{max(of(item, group) for item in found):.0e}" for of in (_coarse, _fine, _left)]
         worst = max(found, key=lambda item: item.left(group))
         powers = sorted(power for item in found if np.isfinite(power := item.order(group)))
-        told = ", ".join(f"{np.quantile(powers, share):.2f}" for share in (0.0, 0.05, 0.5, 0.95))
-        rows.append([group, *cells, f"{LEFT[group]:.0e}", ", ".join(worst.case.labels), told])
+        quantiles = ", ".join(f"{np.quantile(powers, share):.2f}" for share in (0.0, 0.05, 0.5, 0.95))
+        rows.append([group, *cells, f"{LEFT[group]:.0e}", ", ".join(worst.case.labels), quantiles])
     text = f"All {len(found)} cases, of which {sum(item.holds for item in found)} hold:"
     headings = (
         "group",

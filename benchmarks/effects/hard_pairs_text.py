@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from benchmarks.effects.runs import Key, Row
-from benchmarks.effects.text import absent, companions, covered, reason, said, strangers
+from benchmarks.effects.text import absent, companions, covered, finding_text, reason, strangers
 from benchmarks.evidence import head, number, table
 
 if TYPE_CHECKING:
@@ -26,13 +26,13 @@ WORTH_SHOWING = 1e-3
 
 def page(parts: Sequence[tuple[Pair, Sequence[Row]]], *, command: str, missing: Sequence[Key] = ()) -> str:
     """The complete page, in Markdown; `missing` are cases that have not been run."""
-    told = [(pair, row) for pair, own in parts for row in own]
-    right = sum(_right(pair, row) for pair, row in told)
+    answered = [(pair, row) for pair, own in parts for row in own]
+    right = sum(_right(pair, row) for pair, row in answered)
     found = [
         head("Hard pairs, each way round", command=command),
         INTRODUCTION,
-        f"{right} of {len(told)} answers are right.",
-        f"Seeds: {', '.join(str(row.key.number) for _, row in told)}.",
+        f"{right} of {len(answered)} answers are right.",
+        f"Seeds: {', '.join(str(row.key.number) for _, row in answered)}.",
         absent(missing),
         *(_section(pair, own) for pair, own in parts if own),
     ]
@@ -77,7 +77,7 @@ def _line(pair: Pair, row: Row) -> list[str]:
         f"{row.label}: {true}",
         row.verdict,
         "yes" if _right(pair, row) else "no",
-        "; ".join(said(f) for f in row.findings) + beside or "nothing",
+        "; ".join(finding_text(f) for f in row.findings) + beside or "nothing",
         "; ".join(words for words, _ in covered(row)) or "-",
         rivals or "-",
     ]

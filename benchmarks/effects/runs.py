@@ -127,11 +127,11 @@ def rows(
     if processes > 1:
         context = multiprocessing.get_context("spawn")
         with context.Pool(min(processes, os.cpu_count() or 1)) as pool:
-            return _told(pool.imap(_record if only_record else _row, wanted), len(wanted))
-    return _told(map(_record if only_record else _row, wanted), len(wanted))
+            return _reported(pool.imap(_record if only_record else _row, wanted), len(wanted))
+    return _reported(map(_record if only_record else _row, wanted), len(wanted))
 
 
-def _told(found: Iterator[Row], count: int) -> list[Row]:
+def _reported(found: Iterator[Row], count: int) -> list[Row]:
     done = []
     for row in found:
         done.append(row)

@@ -13,7 +13,7 @@ from missing_physics.challenge.scoring.shares import wilson
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["COMPANION", "absent", "companions", "covered", "page", "reason", "said", "strangers"]
+__all__ = ["COMPANION", "absent", "companions", "covered", "finding_text", "page", "reason", "strangers"]
 
 INTRODUCTION = f"""\
 Each effect of the catalogue is left out, alone, of a shipped robot that was varied as in the blind
@@ -96,8 +96,8 @@ def _summary(rows: Sequence[Row]) -> str:
     failed = [effect for effect, own in _by_effect(able).items() if not all(r.name_right for r in own)]
     words = f"Identifiable and not named in every case: {', '.join(failed)}." if failed else ""
     unable = [f"{row.key.number} ({row.key.effect})" for row in rows if not row.shown]
-    told = f"Not counted, for reasons that stand with each case: {', '.join(unable)}." if unable else ""
-    return table(["", "cases (95 % interval):"], counts) + "\n\n" + paragraph(words, told)
+    note = f"Not counted, for reasons that stand with each case: {', '.join(unable)}." if unable else ""
+    return table(["", "cases (95 % interval):"], counts) + "\n\n" + paragraph(words, note)
 
 
 def _share(hits: int, count: int) -> str:
@@ -115,14 +115,14 @@ def _section(effect: str, rows: Sequence[Row]) -> str:
     headings = ["case", "robot, place", "true", "verdict", "place", "name", "probability:", "estimates"]
     headings += ["beside", "share:", "time:"]
     lines = [_line(row) for row in rows]
-    reasons = [f"- {row.key.number}: {words}" for row in rows if (words := _told(row))]
+    reasons = [f"- {row.key.number}: {words}" for row in rows if (words := _remark(row))]
     return "\n\n".join(filter(None, [f"### {effect}", table(headings, lines), "\n".join(reasons)]))
 
 
 def _line(row: Row) -> list[str]:
     own = _own(row)
     true = ", ".join(f"{name} {number(value)}" for name, value in row.truth.items() if value)
-    beside = "; ".join(said(finding) for finding in strangers(row))
+    beside = "; ".join(finding_text(finding) for finding in strangers(row))
     counted = "" if row.shown else ", not counted"
     return [
         str(row.key.number),
@@ -165,11 +165,11 @@ def covered(row: Row) -> Iterator[tuple[str, bool | None]]:
                 yield f"{name} {number(item['value'])}", None
                 continue
             inside = bool(low <= true <= high)
-            told = "" if inside else ", truth outside"
-            yield f"{name} {within_text(item['value'], (low, high))}{told}", inside
+            note = "" if inside else ", truth outside"
+            yield f"{name} {within_text(item['value'], (low, high))}{note}", inside
 
 
-def said(finding: Mapping[str, Any]) -> str:
+def finding_text(finding: Mapping[str, Any]) -> str:
     """Name, place, probability and equally possible effects."""
     rivals = ", ".join(finding["ambiguous_with"])
     words = f"{finding['effect']}@{finding['location']} {finding['probability']:.3g}"
@@ -183,7 +183,7 @@ def _kin(row: Row, finding: Mapping[str, Any]) -> bool:
     return same and named.rung < true.rung
 
 
-def _told(row: Row) -> str:
+def _remark(row: Row) -> str:
     """The reason, and that the case is not counted where it is not."""
     words = reason(row)
     if row.shown or not words:
@@ -210,8 +210,8 @@ def reason(row: Row) -> str:
     if not row.identifiable:
         return "A twin in the recorded channels is named without it: the answer should list both."
     if not _weighed(row.key.effect):
-        told = "and something else is named" if row.findings else "and nothing else is named in its place"
-        return f"A diagnosis does not weigh this effect yet, {told}."
+        note = "and something else is named" if row.findings else "and nothing else is named in its place"
+        return f"A diagnosis does not weigh this effect yet, {note}."
     if any(_kin(row, finding) for finding in row.findings):
         return paragraph(
             "A simpler law of its family is named: the diagnosis found no need for more.", *own[:1]

@@ -53,8 +53,8 @@ def truncation() -> str:
     for elements, modes in MESHES:
         found = free_frequencies(Case("none", elements=elements, modes=modes).robot)[:TOLD]
         error = np.abs(found / limit - 1).max()
-        told = ", ".join(f"{value:.3f}" for value in found)
-        rows.append([str(elements), str(modes), told, percent(float(error), 2)])
+        frequencies = ", ".join(f"{value:.3f}" for value in found)
+        rows.append([str(elements), str(modes), frequencies, percent(float(error), 2)])
     rows.append([*map(str, CONVERGED), ", ".join(f"{value:.3f}" for value in limit), "-"])
     free = paragraph(
         "Free floating, joints free, arm stretched: the lowest frequencies [Hz], and the largest deviation",

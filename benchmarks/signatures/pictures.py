@@ -73,9 +73,9 @@ def _residual(case: Case, plain: Robot, real: Robot) -> tuple[str, list[Line]]:
 
 def _error(case: Case, plain: Robot, real: Robot) -> tuple[str, list[Line]]:
     """Reading of the faulty sensor minus the true value."""
-    true, said = _recording(case, plain, sensors=True), _recording(case, real, sensors=True)
+    true, measured = _recording(case, plain, sensors=True), _recording(case, real, sensors=True)
     unit = unit_of(case.channel)
-    line = _line("with", AFTER, case, true, said[case.channel] - true[case.channel])
+    line = _line("with", AFTER, case, true, measured[case.channel] - true[case.channel])
     return f"{case.channel}, measured less true [{unit}]", [line]
 
 

@@ -26,7 +26,7 @@ from missing_physics.recordings import write_recording
 from reference_model.simulation import simulate
 from robot_model import MultiSine, Reference, Robot, load_robot, robot_to_toml, write_atomically
 
-__all__ = ["main", "page", "recorded", "said", "timed"]
+__all__ = ["answer_facts", "main", "page", "recorded", "timed"]
 
 COMMAND = "python -m benchmarks.speed.long_recording"
 PAGE = EVIDENCE / "long_recording.md"
@@ -75,9 +75,9 @@ def timed(folder: Path) -> dict[str, Any]:
         "--out",
         "out",
     ]
-    with open(folder / "told.txt", "w") as told:
+    with open(folder / "told.txt", "w") as output:
         began = time.monotonic()
-        process = subprocess.Popen(words, cwd=folder, stdout=told, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(words, cwd=folder, stdout=output, stderr=subprocess.DEVNULL)
         _, status, usage = os.wait4(process.pid, 0)
         wall = time.monotonic() - began
     if status:
@@ -88,11 +88,11 @@ def timed(folder: Path) -> dict[str, Any]:
         "processor": usage.ru_utime + usage.ru_stime,
         "megabytes": usage.ru_maxrss / 1024.0,
         "summary": (folder / "told.txt").read_text(),
-        **said(answer),
+        **answer_facts(answer),
     }
 
 
-def said(answer: Mapping[str, Any]) -> dict[str, Any]:
+def answer_facts(answer: Mapping[str, Any]) -> dict[str, Any]:
     """Verdict of a `diagnosis.json`, probabilities of named effects, and effects not searched for."""
     return {
         "verdict": answer["verdict"],
@@ -117,15 +117,15 @@ def _beside(hidden: Sequence[str], named: Mapping[str, float]) -> list[list[str]
 
 def _with_load(robot: Robot) -> str:
     """A sentence on load-dependent effects; empty if there are none."""
-    told = [
+    loaded = [
         f"`{use.effect}@{use.at}` ({', '.join(f'{k} {v:g}' for k, v in loads.items())})"
         for use in robot.effects
         if (loads := {k: v for k, v in use.parameters.items() if k.startswith("load_") and v > 0})
     ]
-    if not told:
+    if not loaded:
         return ""
     return paragraph(
-        f"What was left out as {' and '.join(told)} grows with the load of the joint's bearing:",
+        f"What was left out as {' and '.join(loaded)} grows with the load of the joint's bearing:",
         "load-dependent friction there is part of what was left out, by another name.",
     )
 

@@ -55,7 +55,7 @@ class Identified:
 
 def section() -> str:
     """The complete section."""
-    tracked, told, first = [], [], None
+    tracked, rows, first = [], [], None
     for place, gravity in (("ground", True), ("orbit", False)):
         for friction, rises in (("ground", (1.0, 1.0)), ("orbit", RISE)):
             robot = _robot(gravity=gravity, rises=rises)
@@ -74,7 +74,7 @@ def section() -> str:
                     ", ".join(number(load) for load in loads),
                 ]
             )
-            told.append([*name, *_cells(found)])
+            rows.append([*name, *_cells(found)])
     headings = (
         *("gravity of", "friction of", "tracking, mrad rms:", "torque, N m rms:"),
         *("friction, N m rms:", "bearing load W, N m, mean:"),
@@ -96,19 +96,26 @@ def section() -> str:
         "joints 1 and 2. Torques carry the noise of the shipped sensors; intervals are twice the standard "
         "deviation."
     )
-    parts = [INTRODUCTION, text, table(headings, tracked), table(second, told), _reading(told), _engines()]
+    parts = [
+        INTRODUCTION,
+        text,
+        table(headings, tracked),
+        table(second, rows),
+        _reading(rows),
+        _engines(),
+    ]
     return "\n\n".join(parts)
 
 
-def _reading(told: list[list[str]]) -> str:
-    coulomb = [[float(part.split(" ±")[0]) for part in row[2].split(", ")] for row in told]
+def _reading(rows: list[list[str]]) -> str:
+    coulomb = [[float(part.split(" ±")[0]) for part in row[2].split(", ")] for row in rows]
     alone = [100 * (coulomb[2][k] / coulomb[0][k] - 1) for k in range(2)]
     both = [100 * (coulomb[3][k] / coulomb[0][k] - 1) for k in range(2)]
     return (
         f"Without gravity alone the identified Coulomb friction changes by {alone[0]:.1f} and {alone[1]:.1f} "
         f"%; with the friction of the orbit by {both[0]:.1f} and {both[1]:.1f} %, less than the 50 and 20 % "
         "of the simulation. Friction identified on ground holds in orbit only with a separate load term. "
-        f"Without gravity the motion identifies {told[2][5]} inertial parameters of {told[0][5]}, less "
+        f"Without gravity the motion identifies {rows[2][5]} inertial parameters of {rows[0][5]}, less "
         "accurately."
     )
 

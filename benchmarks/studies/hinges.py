@@ -38,8 +38,8 @@ def section() -> str:
         run = simulate(_robot(bends, elastic, inside, outside), sensors=False, rtol=1e-7, atol=1e-10)
         cells = _cells(run, bends)
         combined[bends, elastic, inside, outside] = _error(run)
-        said = ("yes" if part else "" for part in (bends, elastic, inside, outside))
-        rows.append([*said, *cells])
+        flags = ("yes" if part else "" for part in (bends, elastic, inside, outside))
+        rows.append([*flags, *cells])
     headings = (
         *("link bends", "gear elastic", "friction at the motor", "friction at the joint"),
         *("tracking of joint 2, mrad rms:", "of its motor, mrad rms:", "largest twist, mrad:"),

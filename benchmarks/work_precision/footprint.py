@@ -41,7 +41,7 @@ def _reference(motion: str) -> Mapping[str, float]:
     run = ExplicitRun(Plant(case.robot), reference_function(case.robot))
     built = time.perf_counter()
     run(case.instants, rtol=1e-6, atol=1e-8)
-    return _told(start, ready, built)
+    return _times(start, ready, built)
 
 
 def _reference_uncompiled(motion: str) -> Mapping[str, float]:
@@ -51,7 +51,7 @@ def _reference_uncompiled(motion: str) -> Mapping[str, float]:
 
     ready = time.perf_counter()
     simulate(CASES[motion].robot, sensors=False, rtol=1e-6, atol=1e-8)
-    return _told(start, ready, ready)
+    return _times(start, ready, ready)
 
 
 def _native(motion: str) -> Mapping[str, float]:
@@ -63,7 +63,7 @@ def _native(motion: str) -> Mapping[str, float]:
     run = NativeRun(CASES[motion], Setting("trapezoidal, index 2", steps=1000))
     built = time.perf_counter()
     run()
-    return _told(start, ready, built)
+    return _times(start, ready, built)
 
 
 def _compiled(motion: str) -> Mapping[str, float]:
@@ -76,7 +76,7 @@ def _compiled(motion: str) -> Mapping[str, float]:
     run = NativeRun(case, Setting("trapezoidal, index 2", steps=1000), CompiledLaws.of(case.robot))
     built = time.perf_counter()
     run()
-    return _told(start, ready, built)
+    return _times(start, ready, built)
 
 
 def _python(motion: str) -> Mapping[str, float]:
@@ -86,10 +86,10 @@ def _python(motion: str) -> Mapping[str, float]:
 
     ready = time.perf_counter()
     simulate(CASES[motion].robot, sensors=False, step=4e-3)
-    return _told(start, ready, ready)
+    return _times(start, ready, ready)
 
 
-def _told(start: float, ready: float, built: float) -> Mapping[str, float]:
+def _times(start: float, ready: float, built: float) -> Mapping[str, float]:
     end = time.perf_counter()
     return {"import": ready - start, "build": built - ready, "run": end - built, "megabytes": peak()}
 
@@ -113,8 +113,8 @@ def measured(engine: str, motion: str, *, cache: str | None = None) -> Mapping[s
     """One measurement in a fresh process, with a separate cache of compiled code if given."""
     environment = {**os.environ, **({CACHE: cache} if cache else {})}
     words = [sys.executable, "-W", "ignore", "-m", "benchmarks.work_precision.footprint", engine, motion]
-    told = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    found: Mapping[str, float] = json.loads(told.stdout.splitlines()[-1])
+    process = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    found: Mapping[str, float] = json.loads(process.stdout.splitlines()[-1])
     return found
 
 

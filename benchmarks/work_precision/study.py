@@ -90,12 +90,12 @@ def _ratio_table(cases: Sequence[Found], family: str) -> str:
     rows = []
     for found in cases:
         if any(point.family == family for point in found.points):
-            ratios = [_told(found, family, error) for error in TARGETS]
+            ratios = [_ratio_text(found, family, error) for error in TARGETS]
             rows.append([found.case.name, str(GOALS[found.case.flexible]), *ratios])
     return table(["motion", "goal:", *(f"{error:.0e}:" for error in TARGETS)], rows)
 
 
-def _told(found: Found, family: str, error: float) -> str:
+def _ratio_text(found: Found, family: str, error: float) -> str:
     """The ratio; with user functions also their fraction of the time, and the ratio without it."""
     ratio = _ratio(found, (family,), error)
     share = share_at(found.points, (family,), error)
@@ -221,10 +221,10 @@ def method_part(cases: Sequence[Found]) -> str:
 
 def broken_part(cases: Sequence[Found]) -> str:
     """Failed trials."""
-    told = [f"{found.case.name}: {what}" for found in cases for what in found.broken]
-    if not told:
+    failures = [f"{found.case.name}: {what}" for found in cases for what in found.broken]
+    if not failures:
         return ""
-    return "Runs that broke down and are left out: " + "; ".join(told) + "."
+    return "Runs that broke down and are left out: " + "; ".join(failures) + "."
 
 
 def bench_part(path: Path = HISTORY) -> str:

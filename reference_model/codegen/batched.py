@@ -112,8 +112,8 @@ def _shared(mapped: Sequence[ca.Function]) -> dict[int, ca.Function]:
 @cache
 def _processors() -> int:
     """Number of threads for long calls: `OMP_NUM_THREADS`, as for NumPy's libraries."""
-    told = os.environ.get("OMP_NUM_THREADS", "")
-    return min(int(told) if told.isdecimal() and int(told) else os.cpu_count() or 1, MOST_PROCESSORS)
+    threads = os.environ.get("OMP_NUM_THREADS", "")
+    return min(int(threads) if threads.isdecimal() and int(threads) else os.cpu_count() or 1, MOST_PROCESSORS)
 
 
 class InPlace:

@@ -232,26 +232,26 @@ def _processor(path: str) -> str:
     """Meaning of `TUNED` on this machine, as reported by the compiler; empty if these flags are unknown."""
     command = [path, *TUNED, "-E", "-v", "-x", "c", os.devnull]
     try:
-        told = subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE).stderr
+        output = subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE).stderr
     except (OSError, subprocess.SubprocessError):
         return ""
     # The line that calls the compiler proper spells the processor out.
-    return "\n".join(line.strip() for line in told.splitlines() if "cc1" in line or "-target-cpu" in line)
+    return "\n".join(line.strip() for line in output.splitlines() if "cc1" in line or "-target-cpu" in line)
 
 
 @lru_cache(maxsize=8)
 def _identified(path: str) -> Compiler | None:
     try:
-        told = [
+        output = [
             subprocess.run([path, word], check=True, capture_output=True, text=True, timeout=PATIENCE).stdout
             for word in ("--version", "-dumpmachine")
         ]
     except (OSError, subprocess.SubprocessError):
         return None
-    return Compiler(path, "\n".join(text.strip() for text in told))
+    return Compiler(path, "\n".join(text.strip() for text in output))
 
 
 def _reason(error: Exception) -> str:
     """The first line with an error of the compiler or of Python."""
-    told = (getattr(error, "stderr", None) or str(error)).strip().splitlines()
-    return next((line for line in told if "error" in line), (told or [type(error).__name__])[0])
+    output = (getattr(error, "stderr", None) or str(error)).strip().splitlines()
+    return next((line for line in output if "error" in line), (output or [type(error).__name__])[0])

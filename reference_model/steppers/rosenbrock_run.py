@@ -104,7 +104,7 @@ class RosenbrockRun:
             ctypes.c_double(),
         )
         self._room = np.zeros(library.room_for_rosenbrock())
-        self._told = (
+        self._counters = (
             *(ctypes.byref(self._step), address(self._counts), ctypes.byref(self._reached)),
             address(self._room),
         )
@@ -142,7 +142,7 @@ class RosenbrockRun:
     ) -> None:
         count = len(time)
         self._time[:count], self._states[0] = time, states[0]
-        flag = self._method(*same, count, *self._where, *settings, self._most, *self._told)
+        flag = self._method(*same, count, *self._where, *settings, self._most, *self._counters)
         states[1:] = self._states[1:count]
         if flag:
             raise broken_off(self._plant, self._reference, (time, states), self._reached.value, REASONS[flag])

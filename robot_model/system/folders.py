@@ -53,13 +53,13 @@ def replacing_set(folder: str | os.PathLike[str], former: Collection[str] = ()) 
         InputError: the folder cannot be written to.
     """
     target = Path(os.path.realpath(folder))
-    with _told(target):
+    with _reported(target):
         finish(target)
         stage = _Stage(target)
     try:
         with held(stage.root):
             yield stage.content
-            with _told(target):
+            with _reported(target):
                 stage.place(former)
     except InputError as error:  # of a file in the fresh folder
         raise InputError(str(error).replace(str(stage.content), str(target))) from error
@@ -292,7 +292,7 @@ def _alone(target: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _told(target: Path) -> Iterator[None]:
+def _reported(target: Path) -> Iterator[None]:
     """Report errors of the system in one sentence."""
     try:
         yield

@@ -24,16 +24,16 @@ def result(inside: float) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(("inside", "told"), [(1.0, "yes"), (0.5, "50.00 %")])
+@pytest.mark.parametrize(("inside", "shown"), [(1.0, "yes"), (0.5, "50.00 %")])
 def test_a_channel_outside_its_band_is_reported_and_fails(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, inside: float, told: str
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, inside: float, shown: str
 ) -> None:
     monkeypatch.setattr(full_length, "FOLDER", tmp_path / "kept")
     monkeypatch.setattr(full_length, "EVIDENCE", tmp_path)
     monkeypatch.setattr(full_length, "run", lambda name: result(inside))
-    assert full_length.main(["two_link_arm"]) == (0 if told == "yes" else 1)
+    assert full_length.main(["two_link_arm"]) == (0 if shown == "yes" else 1)
     page = (tmp_path / "crosscheck_full_length.md").read_text()
-    assert f"| `joint1.position` | rad | 2.0e-06 | 1.0e-06 | 2.0e-06 | - | 1.0e-06 | {told} |" in page
+    assert f"| `joint1.position` | rad | 2.0e-06 | 1.0e-06 | 2.0e-06 | - | 1.0e-06 | {shown} |" in page
     assert "| 1.0 (0.5) | - | - | - | abc |" in page
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from benchmarks.speed.long_recording import page, recorded, said, timed
+from benchmarks.speed.long_recording import answer_facts, page, recorded, timed
 from missing_physics.recordings import load_recording
 from robot_model import load_robot
 
@@ -33,7 +33,7 @@ def test_the_page_lists_truth_next_to_names_and_the_unsearched_effects() -> None
             "Not searched for, since no torque along a motion shows them: slosh.",
         ],
     }
-    found = {"wall": 1.0, "processor": 1.0, "megabytes": 60.0, "summary": "said", **said(answer)}
+    found = {"wall": 1.0, "processor": 1.0, "megabytes": 60.0, "summary": "said", **answer_facts(answer)}
     hidden = ("lugre_friction@joint1", "viscous_friction@joint2")
     text = page(found, hidden, seconds=2.0, samples=2001)
     assert "| `lugre_friction@joint1` | yes | 0.95 |" in text

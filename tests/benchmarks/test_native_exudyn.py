@@ -46,9 +46,9 @@ def difference(motion: str, method: str, other: str, *, compiled: bool) -> float
     script = SCRIPT.replace("OTHER", other).replace("COMPILED", str(compiled))
     command = [sys.executable, "-W", "ignore", "-c", script, motion, method]
     environment = {**os.environ, SWITCH: "on" if compiled else "off"}
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment)
-    assert told.returncode == 0, told.stderr
-    return float(np.float64(told.stdout.splitlines()[-1]))
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment)
+    assert process.returncode == 0, process.stderr
+    return float(np.float64(process.stdout.splitlines()[-1]))
 
 
 @pytest.mark.parametrize(

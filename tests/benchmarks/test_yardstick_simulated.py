@@ -64,7 +64,7 @@ def counted(design: Design, files: dict[str, bytes]) -> dict[str, bytes]:
     return SCORES[key]
 
 
-def said(*names: str) -> bytes:
+def diagnosis_naming(*names: str) -> bytes:
     findings = [
         {"effect": name, "location": "joint1", "probability": 0.9, "parameters": {}, "ambiguous_with": []}
         for name in names
@@ -94,7 +94,10 @@ class Steps:
             return Outcome("done", made(files["design.json"]), "", 1, 9.0), 2.0
         self.given.append(dict(files))
         self.hidden += hidden
-        answer = {"diagnosis.json": said(*self.names), "robot.augmented.toml": files["robot.toml"]}
+        answer = {
+            "diagnosis.json": diagnosis_naming(*self.names),
+            "robot.augmented.toml": files["robot.toml"],
+        }
         return Outcome("done", answer, "", 1, 9.0), 3.0
 
 

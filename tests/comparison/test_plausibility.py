@@ -65,16 +65,16 @@ def test_a_torque_limit_far_below_the_required_torque_is_not_credible() -> None:
 
 def test_stated_values_are_those_of_the_written_file() -> None:
     link = ARM.links[-1]
-    told = [
+    stated = [
         ParameterChange(f"{link.name}.mass", "kg", link.mass, link.mass, (-1.0, 50.0)),
         ParameterChange(f"{link.name}.inertia.zz", "kg m^2", 0.1, -0.007, (-0.0077, -0.0071)),
         ParameterChange("viscous_friction@joint1.coefficient", "N m s/rad", 1.0, 2.0, (1.9, 2.1)),
     ]
-    mass, friction = in_the_file(told, ARM, standard=False)
+    mass, friction = in_the_file(stated, ARM, standard=False)
     assert mass.estimate == link.mass
     assert mass.ci95 == (0.0, 50.0)
-    assert friction == told[2]
-    assert in_the_file(told, ARM, standard=True) == ()
+    assert friction == stated[2]
+    assert in_the_file(stated, ARM, standard=True) == ()
 
 
 @pytest.mark.parametrize(

@@ -254,8 +254,8 @@ def test_a_parameter_out_of_bounds_is_refused_with_its_value(
     use = EffectUse(effect=effect.id, at=PLACES.get(effect.place, "joint1"), **values)
     with pytest.raises(InputError) as caught:
         used_effects(_robot(use))
-    said = f"{parameter.name} = {wrong:g} {parameter.unit} is outside {parameter.lower:g} to"
-    assert said in str(caught.value)
+    message = f"{parameter.name} = {wrong:g} {parameter.unit} is outside {parameter.lower:g} to"
+    assert message in str(caught.value)
 
 
 def test_defaults_fill_omitted_parameters() -> None:

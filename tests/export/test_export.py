@@ -211,9 +211,9 @@ def test_effects_tendons_cannot_hold_become_python_code(tmp_path: Path) -> None:
 
 def test_urdf_lists_omissions_of_a_transmission() -> None:
     content = content_of(coupled(("viscous_friction", "one", {"coefficient": 0.3})))
-    told = list(unsaid(content))
-    assert "the transmission bevels, so that its joints are driven one by one there" in told
-    assert "damping of one: 0.3" in told
+    notes = list(unsaid(content))
+    assert "the transmission bevels, so that its joints are driven one by one there" in notes
+    assert "damping of one: 0.3" in notes
 
 
 def test_exported_tendons_read_as_the_original_transmission(tmp_path: Path) -> None:

@@ -136,9 +136,9 @@ def test_two_processes_at_once(cache: Path) -> None:
         subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) for _ in range(2)
     ]
     for run in runs:
-        told, _ = run.communicate()
-        assert "compiled by" in told
-        assert told.strip().endswith("1.0")
+        output, _ = run.communicate()
+        assert "compiled by" in output
+        assert output.strip().endswith("1.0")
     assert len([path for path in entries(cache) if path.suffix == ".so"]) >= 1
     assert not [path for path in entries(cache) if path.is_dir()]
 

@@ -74,12 +74,12 @@ MISTAKES: Mapping[str, tuple[Robot, str]] = {
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_both_engines_refuse_impossible_bodies_with_the_same_message(mistake: str) -> None:
     robot, sentence = MISTAKES[mistake]
-    said = []
+    messages = []
     for run in ENGINES.values():
         with pytest.raises(InputError, match=sentence) as refused:
             run(robot)
-        said.append(str(refused.value))
-    assert said[0] == said[1]
+        messages.append(str(refused.value))
+    assert messages[0] == messages[1]
 
 
 def point_with_payload() -> Robot:

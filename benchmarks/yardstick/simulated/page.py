@@ -83,8 +83,8 @@ def _measures(halves: Mapping[Half, list[CaseScore]], found: Mapping[Half, Summa
 def _ratio(cases: Sequence[CaseScore]) -> str:
     """Measures over cases with hidden physics."""
     ratios = [case.held_out_ratio for case in cases if case.hidden or case.foreign]
-    told = [ratio for ratio in ratios if ratio is not None]
-    return f"{median(told):.3f}" if told else "-"
+    known = [ratio for ratio in ratios if ratio is not None]
+    return f"{median(known):.3f}" if known else "-"
 
 
 def _causes(halves: Mapping[Half, list[CaseScore]], found: Mapping[Half, Summary]) -> str:
