@@ -203,7 +203,7 @@ def manoeuvre_part() -> str:
     for code in (True, False):
         _say(f"manoeuvre, compiled {code}")
         run, stats = cases.integration(code)
-        words = "compiled C" if code else "CasADi's own machine"
+        words = "compiled C" if code else "CasADi's virtual machine"
         row(f"CVODES alone, {words}", cases.least(run, REPEATS))
         counts = stats()
     for title, options in (

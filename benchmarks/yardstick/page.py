@@ -65,8 +65,8 @@ def _counts(answers: Sequence[Answer], robots: Sequence[Robot]) -> str:
     faults = sum(found.refused.startswith("FAULT") for found in answers)
     refused = sum(bool(found.refused) for found in answers) - faults
     odd = [what for found, robot in zip(answers, robots) for what in impossible(found, robot)]
-    told = [found for found in answers if found.diagnosis]
-    silent = [f"{joint} of {a.machine}" for a in told for joint in (a.diagnosis or {})["not_judged"]]
+    diagnosed = [found for found in answers if found.diagnosis]
+    silent = [f"{joint} of {a.machine}" for a in diagnosed for joint in (a.diagnosis or {})["not_judged"]]
     commits = ", ".join(sorted({found.commit for found in answers}))
     lines = [
         f"{len(answers)} rows, {refused} of them refused in a sentence and {faults} ended in a fault; "
@@ -143,21 +143,27 @@ def _row(row: Machine, found: Answer) -> Iterator[str]:
     if found.diagnosis is None:
         yield f"Not diagnosed: {found.refused} {spent}"
         return
-    told = found.diagnosis
+    diagnosis = found.diagnosis
     named = [
         f"{f['effect']} at {f['location']} ({f['probability']:.2f}; {_values(f['parameters'])})"
-        for f in told["findings"]
+        for f in diagnosis["findings"]
     ]
-    sentences = [f"Verdict **{told['verdict']}**. Named: {'; '.join(named) or 'nothing'}.", *_moved(told)]
-    if told["comparison"]["words"]:
-        sentences.append(told["comparison"]["words"])
-    if told["unnamed"]:
-        sentences.append("Forces without a name: " + " ".join(one["words"] for one in told["unnamed"]))
-    timing = list(_timing(told["timing"]))
+    sentences = [
+        f"Verdict **{diagnosis['verdict']}**. Named: {'; '.join(named) or 'nothing'}.",
+        *_moved(diagnosis),
+    ]
+    if diagnosis["comparison"]["words"]:
+        sentences.append(diagnosis["comparison"]["words"])
+    if diagnosis["unnamed"]:
+        sentences.append("Forces without a name: " + " ".join(one["words"] for one in diagnosis["unnamed"]))
+    timing = list(_timing(diagnosis["timing"]))
     if timing:
         sentences.append(f"Delay of the torque: {'; '.join(timing)}.")
     yield " ".join([*sentences, spent])
-    lines = [*_lines(found), *((joint, "", "not judged", "", "", "", "") for joint in told["not_judged"])]
+    lines = [
+        *_lines(found),
+        *((joint, "", "not judged", "", "", "", "") for joint in diagnosis["not_judged"]),
+    ]
     if lines:
         yield table(HEADINGS, lines)
 
@@ -173,11 +179,11 @@ def _lines(found: Answer) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _moved(told: Mapping[str, Any]) -> Iterator[str]:
+def _moved(diagnosis: Mapping[str, Any]) -> Iterator[str]:
     """Parameters of the robot file with estimates outside their credible range."""
     moved = [
         f"{c['name']} {number(c['estimate'])} {c['unit']} (file {number(c['nominal'])})"
-        for c in told["nominal_changes"]
+        for c in diagnosis["nominal_changes"]
         if None not in c["prior95"] and not c["prior95"][0] <= c["estimate"] <= c["prior95"][1]
     ]
     if moved:

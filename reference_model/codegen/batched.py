@@ -46,7 +46,7 @@ class Batched:
         self._outputs = [function.size1_out(k) for k in range(function.n_out())]
         self._seen = 0
         self._decided = not plain
-        self.note = "CasADi's own machine"
+        self.note = "CasADi's virtual machine"
 
     def __call__(self, *arrays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         samples = max((len(a) for a in arrays if np.ndim(a) == 2), default=1)

@@ -113,23 +113,25 @@ def compiled(functions: Sequence[ca.Function], *, tuned: bool = False) -> Code:
     """
     own = tuple(functions)
     if switched_off():
-        return Code(own, f"CasADi's own machine, because {SWITCH} says so")
+        return Code(own, f"CasADi's virtual machine, because of {SWITCH}")
     chosen = compiler()
     if chosen is None:
         return Code(
-            own, f"CasADi's own machine, because no C compiler ({', '.join(COMPILERS)}) is on the path"
+            own, f"CasADi's virtual machine, because no C compiler ({', '.join(COMPILERS)}) is on the path"
         )
     counted = [function for function in own if function.is_a("SXFunction") or function.is_a("MXFunction")]
     operations = sum(function.n_instructions() for function in counted)
     if operations > MOST_OPERATIONS:
-        return Code(own, f"CasADi's own machine, because {operations} operations take too long to compile")
+        return Code(
+            own, f"CasADi's virtual machine, because {operations} operations take too long to compile"
+        )
     more = tuning(chosen) if tuned and operations <= MOST_TUNED else ()
     try:
         loaded, library = _loaded(own, chosen, more)
     except (OSError, RuntimeError, subprocess.SubprocessError) as error:
         reason = _reason(error)
         _log.warning("functions stay uncompiled: %s", reason)
-        return Code(own, f"CasADi's own machine, because compiling failed: {reason}")
+        return Code(own, f"CasADi's virtual machine, because compiling failed: {reason}")
     return Code(loaded, f"compiled by {chosen.identity.splitlines()[0]}", library)
 
 

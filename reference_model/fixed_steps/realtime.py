@@ -55,7 +55,7 @@ class Stepper:
         code = compiled(functions) if compile_code else None
         step, law = code.functions if code else functions
         self._step, self._law, self._goal = Single(step), Single(law), Single(self._reference)
-        self.note = code.note if code else "CasADi's own machine"
+        self.note = code.note if code else "CasADi's virtual machine"
 
     def initial(self) -> Array:
         """The initial state of the description, shape (rows,)."""

@@ -8,7 +8,7 @@ transmission has its gear between motor and transmission, and all effects at the
 
 There is one spring in a gear. So one of the effects at a joint states stiffness and damping, and the others
 use it: backlash is in series with the spring, hysteresis in parallel. Hysteresis in series with play would
-need the flanks' position as one more coordinate, and is refused.
+need the flanks' position as one more coordinate, and is rejected.
 """
 
 from __future__ import annotations

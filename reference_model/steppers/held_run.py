@@ -57,7 +57,7 @@ def integrate_held(
         effort: to which the steps are added.
 
     Raises:
-        InputError: the integration fails; says when, in which state, and what to try.
+        InputError: the integration fails; the message gives time, state and what to try.
     """
     options = cvodes_options(rtol, atol)
     implicit = _Implicit(plant, reference, rtol, atol, effort or Effort())

@@ -85,7 +85,7 @@ def integrate(
         compile_code: run the plant as compiled C where that is possible.
 
     Raises:
-        InputError: the integration fails; says when, in which state, and what to try.
+        InputError: the integration fails; the message gives time, state and what to try.
     """
     options = cvodes_options(rtol, atol)
     if hold <= 0 and len(time) > 1:  # pieces of a sampled run are short anyway, and count time from 0 to 1

@@ -62,7 +62,7 @@ def integrate_sticking(
     Every evaluation of the equations of motion adds the number of states to `effort`.
 
     Raises:
-        InputError: stick and slip alternate without end, no modes fit, or the integration fails; says when.
+        InputError: stick and slip alternate without end, no modes fit, or the integration fails.
     """
     sampled = hold > 0
     functions = _Functions(plant, reference, sampled, compile_code)

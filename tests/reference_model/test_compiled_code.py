@@ -202,7 +202,7 @@ def test_long_recordings_are_evaluated_by_compiled_code(
     batched, plain = Batched(function), Batched(function)
     points = np.random.default_rng(1).normal(size=(EARNS_AFTER // 2 + BLOCK + 3, 2))
     (first,) = batched(points)
-    assert "own machine" in batched.note
+    assert "virtual machine" in batched.note
     (second,) = batched(points)
     assert "compiled by" in batched.note
     np.testing.assert_array_equal(first, second)

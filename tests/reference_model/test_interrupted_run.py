@@ -48,7 +48,7 @@ def long_motion() -> Robot:
 
 @pytest.mark.usefixtures("_soon")
 def test_an_interrupt_of_a_continuous_run_is_propagated(capsys: pytest.CaptureFixture[str]) -> None:
-    """Nor is the integration begun again, nor is a fault told that there is none."""
+    """The integration is not restarted, and no error is reported."""
     with pytest.raises(KeyboardInterrupt):
         simulate(long_motion())
     assert capsys.readouterr() == ("", "")

@@ -1,4 +1,4 @@
-"""Every kind of mistake in a robot file with the sentence that must be said of it."""
+"""Every kind of mistake in a robot file, with the error message expected for it."""
 
 from __future__ import annotations
 

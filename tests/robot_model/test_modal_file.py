@@ -1,4 +1,4 @@
-"""The file of a modal body: what is in it is read, and whatever is wrong with it is one sentence."""
+"""The file of a modal body: its contents are read, and any mistake gives one error message."""
 
 from __future__ import annotations
 
@@ -243,10 +243,10 @@ def test_damaged_files(path: Path, places: list[int], values: list[int], end: in
     for place, value in zip(places, values):
         data[place] = value
     path.write_bytes(bytes(data[:end]))
-    read_or_told(path)
+    read_or_rejected(path)
 
 
-def read_or_told(path: Path) -> None:
+def read_or_rejected(path: Path) -> None:
     refused = ""
     try:
         found = read_modal_file(path)
@@ -273,7 +273,7 @@ arrays = npst.arrays(
 )
 @pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # of the cast from float128
 def test_arrays_of_any_kind(path: Path, given: dict[str, np.ndarray]) -> None:
-    read_or_told(written(path, **given))
+    read_or_rejected(written(path, **given))
 
 
 @pytest.mark.fuzz
@@ -287,7 +287,7 @@ def test_one_entry_of_any_value(path: Path, where: tuple[int, int], value: float
     matrix = changed(
         changed({"mass": MASS, "stiffness": STIFFNESS}[name], row, column, value), column, row, value
     )
-    read_or_told(written(path, **{name: matrix}))
+    read_or_rejected(written(path, **{name: matrix}))
 
 
 ROBOT = """

@@ -1,4 +1,4 @@
-"""What dead processes left is removed, and nothing of living ones."""
+"""Leftover files of dead processes are removed, those of running ones kept."""
 
 from __future__ import annotations
 

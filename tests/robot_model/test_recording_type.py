@@ -1,4 +1,4 @@
-"""The `Recording` type: what it refuses, what it promises."""
+"""The `Recording` type: inputs it rejects and properties it guarantees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several files are one unit: whatever ends the program, a folder holds the old set or the new one."""
+"""Several files are replaced as a unit: however the program ends, a folder holds the old set or the new."""
 
 from __future__ import annotations
 

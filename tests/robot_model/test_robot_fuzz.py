@@ -1,4 +1,4 @@
-"""Whatever stands in a robot file: a valid robot comes out, or one sentence that a person can act on."""
+"""Any text as a robot file gives a valid robot or one error message that a user can act on."""
 
 from __future__ import annotations
 

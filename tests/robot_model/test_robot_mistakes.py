@@ -1,4 +1,4 @@
-"""Each kind of mistake in a robot file is told in one sentence with file, key and value."""
+"""Each kind of mistake in a robot file gives one error message with file, key and value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot is refused exactly when its mass matrix is singular in every pose."""
+"""A robot is rejected exactly when its mass matrix is singular in every pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interrupts that a library swallows come out; those of short stretches wait."""
+"""Interrupts that a library swallows are raised; those in short protected sections wait."""
 
 from __future__ import annotations
 

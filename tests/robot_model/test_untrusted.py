@@ -1,4 +1,4 @@
-"""Files that another process may have made to mislead are read as plain files or not at all."""
+"""Files that another process may have tampered with are read only if they are plain files."""
 
 from __future__ import annotations
 
