@@ -23,7 +23,7 @@ LEFT, RIGHT, ABOVE, BELOW = 74, 18, 36, 48
 #: Sizes [px]: head of the figure with its title and one row of its legend, and each further row.
 HEAD, LEGEND_ROW = 58, 20
 LEGEND_MARK, LEGEND_GAP, LETTER = 26, 22, 7.0
-#: Most points drawn of a line, by each of its coordinates; extremes are kept.
+#: Maximum number of points drawn of a line, by each of its coordinates; extremes are kept.
 POINTS = 900
 #: Fraction of the range left free at each end of an axis, and the range of a constant line.
 MARGIN, FLAT = 0.05, 1e-12

@@ -61,7 +61,7 @@ class ControlLaw(ABC):
 
     #: The integral of the position errors is used.
     integrates = False
-    #: A wrench on the base comes with the torques.
+    #: The controller outputs a wrench on the base besides the torques.
     holds_base = False
     #: Its torques change strongly with positions and velocities within a step of the solver, whose iterations
     #: then need their derivatives.

@@ -69,7 +69,7 @@ class JointLaw(ABC):
     """Base of the laws; parameters are the fields of the concrete class, in SI units."""
 
     role: ClassVar[Role] = "load"
-    #: The law keeps a memory; `initial` gives the first.
+    #: The law has a memory; `initial` gives the first.
     remembers: ClassVar[bool] = True
 
     @property

@@ -22,7 +22,7 @@ from robot_model import Drive, InputError, Robot
 
 __all__ = ["GEAR_PARTS", "Backlash", "Gear", "GearHysteresis", "GearPart", "JointElasticity", "gear_of"]
 
-#: Depth of contact over which damping comes in, per half width, and at least [rad or m].
+#: Depth of contact over which damping sets in, per half width, and at least [rad or m].
 RAMP, LEAST_RAMP = 0.01, 1e-12
 #: First command [N m or N] that puts a gear with play on one of its flanks.
 SEATED = 1e-6

@@ -67,11 +67,11 @@ class Forces:
         self._warmth = [Warmth(joint) for joint in robot.moving_joints]
         self._ticks = 0
         self.holds_base = control.holds_base
-        #: The controller's output changes much within a step of the solver.
+        #: The controller's output changes strongly within a step of the solver.
         self.stiff_control = control.stiff
         #: The controller's model has spherical joints or bent links; of the latter these.
         self.needs_inner, self.bent_links = control.needs_inner, control.bent_links
-        #: Some law depends on what the bearings carry.
+        #: Some law depends on bearing loads.
         self.needs_loads = any(law.needs_load for own in laws for law in own)
 
     @property

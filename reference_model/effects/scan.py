@@ -87,7 +87,7 @@ class _Chain:
         self._size, self._state = size, np.zeros(state)
         self._begin, self._end = np.zeros((size, row)), np.zeros((size, row))
         self._fixed, self._found = np.tile(constants, (size, 1)), np.zeros((size, state))
-        #: Whether each step of the last call holds (1).
+        #: Whether each step of the last call is valid (1).
         self.holds = np.ones(size)
         self._buffer, self._run = function.buffer()
         for k, array in enumerate((self._state, self._begin, self._end, self._fixed)):

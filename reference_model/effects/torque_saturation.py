@@ -32,7 +32,7 @@ class TorqueSaturation(JointEffect):
     title = "Torque saturation"
     place = "actuator"
     parameters = (
-        # A limit above every torque that occurs has no influence; the upper bound stands for none at all.
+        # A limit above every torque that occurs has no influence; the upper bound means no limit.
         Parameter("limit", "N m", "largest torque delivered", 1e-3, 1e6, 50.0, absent=1e6),
     )
     equation = "T = clip(u, -limit, limit) - u, u = actuator torque"

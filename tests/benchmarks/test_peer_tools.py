@@ -150,7 +150,7 @@ def test_other_motor_constants_do_not_change_the_measured_torque() -> None:
     np.testing.assert_allclose(same, motion.along.nominal(), atol=1e-12)
     other = motion.predicted(robot.model_copy(update={"joints": (weak,)}))
     speed = motion.state[1]
-    # V = R/k torque + k speed, told as k0/R (V - k0 speed)
+    # V = R/k torque + k speed, written as k0/R (V - k0 speed)
     expected = 0.25 * (8.0 * same + 0.25 * speed - 0.5 * speed)
     np.testing.assert_allclose(other, expected, atol=1e-12)
 

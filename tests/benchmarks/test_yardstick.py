@@ -169,7 +169,7 @@ def test_every_joint_of_the_quadruped_has_friction_and_damping() -> None:
         parts = np.transpose([way[:, place] for way in ways])
         extra = found.measured[:, place] - found.nominal[:, place]
         numbers, left, *_ = np.linalg.lstsq(parts, extra, rcond=None)
-        # At 1 rad/s, because the chirp tells damping and dry friction hardly apart; legs agree to a factor.
+        # At 1 rad/s, because the chirp barely separates damping from dry friction; legs agree to a factor.
         assert 0.3 < numbers[1] + numbers[2] < 2.0, joint
         assert numbers[0] > 0.02 or "calf" not in joint, joint  # the calf's drive is geared down further
         assert left[0] < 0.1 * found.measured[:, place].var() * extra.size, joint

@@ -25,7 +25,7 @@ COULOMB = EffectUse.model_validate({"effect": "coulomb_friction", "at": "joint1"
 
 
 def short(number: int) -> Design:
-    """The axis with recordings of a second and friction hidden, whatever the number."""
+    """The axis with recordings of a second and friction hidden, the same for every number."""
     drawn = draw_design(AXIS)
     nominal, name = drawn.nominal, f"{number:012d}"
 

@@ -200,7 +200,7 @@ def test_very_short_motions(effect: JointEffect, samples: int) -> None:
 
 
 def test_a_chain_uses_the_cheap_step_only_where_it_is_valid() -> None:
-    """Whatever the easy function says where it does not hold, the result is that of the sure one."""
+    """Where the fast function is not valid, the result is that of the reliable one."""
     x, begin, end, constants = (ca.SX.sym(name, size) for name, size in zip("xbec", (2, 2, 2, 1)))
     sure = ca.vertcat(ca.cos(x[1]) * constants, x[0] + end[0] - begin[0])
     holds = begin[1]

@@ -167,7 +167,7 @@ def test_a_stiff_link_converges_quadratically_in_its_period_to_the_rigid_one() -
         bent = simulate(arm().with_effects(use), sensors=False, rtol=1e-11, atol=1e-13)
         return float(np.abs(bent["shoulder.position"] - rigid["shoulder.position"]).max())
 
-    # Compliance is the period's square; the transient at the start dies within some periods.
+    # Compliance is the period's square; the initial transient decays within some periods.
     ratio = gap(0.04) / gap(0.02)
     assert ratio == pytest.approx(4.0, rel=0.1)
 

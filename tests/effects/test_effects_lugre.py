@@ -58,7 +58,7 @@ def test_break_away_at_constant_speed_follows_the_exponential() -> None:
     z = level / s0 * (1 - np.exp(-s0 * velocity * time / level))
     damping = 20.0 / (1 + 20.0 * velocity / (4 * level))
     expected = -(s0 * z + damping * (velocity - s0 * velocity * z / level))
-    # The step is exact at constant speed, up to the instant in which the motion begins.
+    # The step is exact at constant speed, up to the start of the motion.
     np.testing.assert_allclose(torque[1:], expected[1:], rtol=0, atol=1e-8)
 
 

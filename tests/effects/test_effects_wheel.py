@@ -146,7 +146,7 @@ def test_without_momentum_the_robot_is_unchanged() -> None:
     absent = simulate(satellite().with_effects(wheel()), sensors=False)
     without = simulate(satellite(), sensors=False)
     for name in without.channels:
-        # One more state in the error control changes the steps, and nothing else.
+        # One more state in the error control changes only the steps.
         np.testing.assert_allclose(absent[name], without[name], rtol=0, atol=1e-7, err_msg=name)
 
 

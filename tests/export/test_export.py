@@ -25,7 +25,7 @@ HELD = (
 
 
 def arm(*uses: tuple[str, str, dict[str, float]], swinging: bool = True, name: str = "arm") -> Robot:
-    """The two-link arm with these effects; swinging, it is let go with a push."""
+    """The two-link arm with these effects; `swinging` means released with an initial push."""
     robot = load_robot("two_link_arm")
     effects = tuple(EffectUse(effect=effect, at=at, **values) for effect, at, values in uses)
     change: dict[str, Any] = {"effects": effects, "name": name}

@@ -66,7 +66,7 @@ def test_the_engines_agree_in_closed_loop(name: str) -> None:
 def test_a_held_base_stays_and_needs_bodies_and_constraints() -> None:
     robot = robot_with(CONTROLLERS["held"])
     found = simulate(robot, sensors=False)
-    # The nominal model is the true one and the base begins where it is held: nothing moves it.
+    # The nominal model is the true one and the base starts where it is held: nothing moves it.
     for axis in "xyz":
         moved = found[f"base.position.{axis}"] - found[f"base.position.{axis}"][0]
         np.testing.assert_allclose(moved, 0.0, atol=1e-6)

@@ -158,7 +158,7 @@ def test_unusable_robots_end_with_one_sentence(
 
 
 def test_a_missing_mesh_is_ignored(run: Front, arm: Path, tmp_path: Path) -> None:
-    """Meshes are never opened, whatever their address: mass and inertia stand in the file."""
+    """Meshes are never opened, whatever their address: the file itself gives mass and inertia."""
     mesh = '<visual><geometry><mesh filename="package://arm/rod.stl"/></geometry></visual>'
     arm.write_text(arm.read_text().replace('<link name="rod">', f'<link name="rod">{mesh}'))
     assert run("simulate", arm, "--out", tmp_path / "run.csv", "--quiet") == Printed(0, "", "")

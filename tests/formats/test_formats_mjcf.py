@@ -132,7 +132,7 @@ def test_lower_bounds_and_the_sum_of_masses(tmp_path: Path) -> None:
 
 
 def test_a_mesh_with_mass_is_not_just_a_frame(tmp_path: Path) -> None:
-    """A body of unknown mass makes that of the whole unknown, whatever is fixed to it."""
+    """A body of unknown mass makes the total mass unknown, whatever is fixed to it."""
     fixed = '<body name="tool"><geom type="mesh" mesh="m"/></body>'
     with pytest.raises(
         InputError, match=r"body 'tool' takes its mass from a mesh .*\[\[links\]\] name = \"part\""

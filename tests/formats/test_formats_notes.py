@@ -153,7 +153,7 @@ def test_a_passive_joint_keeps_its_armature(tmp_path: Path) -> None:
 
 
 def test_settings_of_included_files_apply_to_the_model(tmp_path: Path) -> None:
-    """As in MuJoCo, whatever file they stand in."""
+    """As in MuJoCo, whichever file contains them."""
     (tmp_path / "more.xml").write_text('<mujocoinclude><option gravity="0 0 -1"/></mujocoinclude>')
     assert model(tmp_path, tail='<include file="more.xml"/>')[0].gravity == (0.0, 0.0, -1.0)
     assert model(tmp_path, head='<option><flag gravity="disable"/></option>')[0].gravity == (0.0, 0.0, 0.0)

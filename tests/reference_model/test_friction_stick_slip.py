@@ -27,7 +27,7 @@ def dragged(fall: float, duration: float = 3.0):
 
 
 def starts(sticking: np.ndarray) -> np.ndarray:
-    """Samples at which a slide begins."""
+    """Samples at which sliding starts."""
     return np.flatnonzero((sticking[:-1] == 1) & (sticking[1:] == 0)) + 1
 
 

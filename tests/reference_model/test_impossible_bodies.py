@@ -1,4 +1,4 @@
-"""Effects that leave a link with impossible mass properties: refused by both engines in one sentence."""
+"""Effects that leave a link with impossible mass properties: rejected by both engines with one message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A controller believes in the robot as described, whatever the robot is."""
+"""A controller uses the robot as described, whatever effects the robot has."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ LOOSE = (FOLDER / "loose.toml").read_text()
 
 @dataclass(frozen=True)
 class Mistake:
-    """In the text `valid`, `old` written as `new` must be refused with `sentence`, after the file's name."""
+    """In the text `valid`, `old` written as `new` must be rejected with `sentence`, after the file's name."""
 
     kind: str
     old: str

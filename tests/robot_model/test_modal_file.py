@@ -238,7 +238,7 @@ np.savez(WHOLE, nodes=NODES, mass=MASS, stiffness=STIFFNESS)
     end=st.none() | st.integers(0, len(WHOLE.getvalue())),
 )
 def test_damaged_files(path: Path, places: list[int], values: list[int], end: int | None) -> None:
-    """Bytes changed or cut off: the file is read, or refused with one sentence; nothing else happens."""
+    """Bytes changed or cut off: the file is read, or rejected with one error message."""
     data = bytearray(WHOLE.getvalue())
     for place, value in zip(places, values):
         data[place] = value

@@ -14,7 +14,7 @@ import pytest
 from robot_model import write_atomically
 from robot_model.system.owners import WRITING, fresh_name, held, own_prefix, remove_left
 
-#: Begins something in the folder that it is given, says so, and waits to be told to end or killed.
+#: Program that starts to write in the given folder, prints so, and waits for input or a kill.
 BEGUN = """
 import sys
 from pathlib import Path

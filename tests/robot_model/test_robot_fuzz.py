@@ -35,7 +35,7 @@ anything = st.recursive(
 
 
 def robot_or_sentence(text: str) -> None:
-    """Load the text; when it is refused, the refusal must be a proper sentence naming the file."""
+    """Load the text; if it is rejected, the message must be a proper sentence naming the file."""
     try:
         robot = robot_from_toml(text, source="arm.toml")
     except InputError as error:
