@@ -78,16 +78,16 @@ def main(names: Sequence[str] = ()) -> int:
 
 def run(name: str) -> Result:
     """One robot in both engines, each once more coarser; `comparison.rrd` besides."""
-    plan, told = plan_of(load_robot(name)), Clock(name)
-    ours, theirs = plan.reference(told), plan.exudyn(told)
-    coarser = plan.coarser(told, ours, theirs)
+    plan, clock = plan_of(load_robot(name)), Clock(name)
+    ours, theirs = plan.reference(clock), plan.exudyn(clock)
+    coarser = plan.coarser(clock, ours, theirs)
     comparison = compare(plan.robot, ours, theirs, coarser)
     write_crosscheck(plan.robot, comparison, FOLDER / name / "comparison.rrd")
     return {
         **report(plan.robot, comparison, plan.settings(coarser=bool(coarser))),
         "commit": commit(),
-        "seconds": dict(zip(RUNS, told.seconds)),
-        "notes": told.notes,
+        "seconds": dict(zip(RUNS, clock.seconds)),
+        "notes": clock.notes,
     }
 
 
@@ -138,8 +138,8 @@ def _line(found: Result) -> list[str]:
 def _times(found: Result) -> list[str]:
     times = [found["seconds"].get(name) for name in RUNS]
     step = 1e3 * found["engines"]["exudyn"]["step"]
-    told = [f"{pair[0]:.1f} ({pair[1]:.1f})" if pair else "-" for pair in times]
-    return [found["robot"], f"{step:g}", *told, found["commit"]]
+    times_text = [f"{pair[0]:.1f} ({pair[1]:.1f})" if pair else "-" for pair in times]
+    return [found["robot"], f"{step:g}", *times_text, found["commit"]]
 
 
 def _channels(found: Result) -> str:

@@ -41,9 +41,9 @@ SETTLED = 25.0
 def main() -> None:
     """Run both engines, write the rerun file, take the picture."""
     plan = plan_of(load_robot(ROBOT), duration=DURATION)
-    with steps(quiet=False) as told:
-        ours, theirs = plan.reference(told), plan.exudyn(told)
-        comparison = compare(plan.robot, ours, theirs, plan.coarser(told, ours, theirs))
+    with steps(quiet=False) as reporter:
+        ours, theirs = plan.reference(reporter), plan.exudyn(reporter)
+        comparison = compare(plan.robot, ours, theirs, plan.coarser(reporter, ours, theirs))
     with TemporaryDirectory() as folder:
         write_crosscheck(plan.robot, comparison, Path(folder) / "comparison.rrd")
         photograph(Path(folder) / "comparison.rrd", TARGET, at=SHOWN)

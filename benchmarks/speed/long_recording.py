@@ -75,7 +75,7 @@ def timed(folder: Path) -> dict[str, Any]:
         "--out",
         "out",
     ]
-    with open(folder / "told.txt", "w") as output:
+    with open(folder / "output.txt", "w") as output:
         began = time.monotonic()
         process = subprocess.Popen(words, cwd=folder, stdout=output, stderr=subprocess.DEVNULL)
         _, status, usage = os.wait4(process.pid, 0)
@@ -87,7 +87,7 @@ def timed(folder: Path) -> dict[str, Any]:
         "wall": wall,
         "processor": usage.ru_utime + usage.ru_stime,
         "megabytes": usage.ru_maxrss / 1024.0,
-        "summary": (folder / "told.txt").read_text(),
+        "summary": (folder / "output.txt").read_text(),
         **answer_facts(answer),
     }
 

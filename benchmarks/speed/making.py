@@ -34,7 +34,7 @@ SCRIPT = """#!{python} -S
 import json, resource, subprocess, sys
 code = subprocess.run([{path!r}, *sys.argv[1:]]).returncode
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
-with open({told!r}, "a") as file:
+with open({log!r}, "a") as file:
     file.write(json.dumps([used.ru_utime + used.ru_stime, used.ru_maxrss]) + "\\n")
 sys.exit(code)
 """
@@ -53,8 +53,8 @@ def made(way: str, kind: str, links: int) -> Mapping[str, float]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         (folder / "bin").mkdir()
-        script, told = folder / "bin" / Path(chosen.path).name, folder / "told"
-        script.write_text(SCRIPT.format(python=sys.executable, path=chosen.path, told=str(told)))
+        script, log = folder / "bin" / Path(chosen.path).name, folder / "log"
+        script.write_text(SCRIPT.format(python=sys.executable, path=chosen.path, log=str(log)))
         script.chmod(0o700)
         environment = {
             **os.environ,
@@ -65,7 +65,7 @@ def made(way: str, kind: str, links: int) -> Mapping[str, float]:
         words = [sys.executable, "-m", "benchmarks.speed.making", way, kind, str(links)]
         run = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
         found: dict[str, float] = json.loads(run.stdout.splitlines()[-1])
-        used = [json.loads(line) for line in told.read_text().splitlines()]
+        used = [json.loads(line) for line in log.read_text().splitlines()]
     found["compiling"] = sum(seconds for seconds, _ in used)
     found["compiler"] = max(kilobytes for _, kilobytes in used) / 1024
     return found

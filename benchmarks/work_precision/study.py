@@ -266,7 +266,7 @@ def _lines(cases: Sequence[Found]) -> Iterator[str]:
     )
     yield paragraph(
         "A run goes from the initial state to positions at",
-        f"{SAMPLES} instants in memory. Making ready is not in it, and is told",
+        f"{SAMPLES} instants in memory. Preparation is not included and is given",
         "[below](#making-ready-and-memory):",
         "compiling and building for us, assembling for Exudyn. Error: the largest rms over",
         "the motion of a joint",

@@ -30,5 +30,5 @@ def lacks_memory(error: BaseException) -> bool:
     """Whether an error of any type means that memory could not be allocated."""
     if isinstance(error, MemoryError):
         return True
-    told = str(error).lower()
-    return isinstance(error, RuntimeError | OSError) and any(word in told for word in _WORDS)
+    text = str(error).lower()
+    return isinstance(error, RuntimeError | OSError) and any(word in text for word in _WORDS)

@@ -272,8 +272,8 @@ def test_colliding_names_are_made_unique(files: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("joint", ['damping="0.1"', 'frictionloss="0.1"', 'stiffness="3"'])
 def test_effects_that_an_overlay_drops_are_not_reported(tmp_path: Path, joint: str) -> None:
-    _, said = model(tmp_path, joint=joint)
-    assert "that the robot already has" in said
+    _, note = model(tmp_path, joint=joint)
+    assert "that the robot already has" in note
     (tmp_path / "over.toml").write_text("effects = []\n")
     robot, notes = read_robot(tmp_path / "arm.xml", overlay=tmp_path / "over.toml")
     assert not robot.effects

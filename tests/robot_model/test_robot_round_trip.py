@@ -10,7 +10,7 @@ from robot_strategies import robots
 
 from robot_model import Robot, load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
 
-# A whole robot is a large draw, which is no defect of the code.
+# A whole robot is a large draw; this is expected.
 large_draw = settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 
 
