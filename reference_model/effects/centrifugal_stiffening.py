@@ -44,7 +44,7 @@ class CentrifugalStiffening(StructureEffect):
             raise InputError(f"link '{at}' is not a beam; only beams stiffen.")
         if link.beam.stiffening:
             raise InputError(
-                f"link '{at}' has stiffening in its description already; set stiffening to false."
+                f"link '{at}' already has stiffening in its description; set stiffening to false."
             )
         if p["strength"] == 0:
             return robot

@@ -225,7 +225,7 @@ BELOW_SLIDING = (
             EffectUse(effect="end_stop", at="joint1", stiffness=1.0, position=1.0, side=0.5),
             r"side = 0\.5 is neither 1 \(upwards\) nor -1 \(downwards\)",
         ),
-        (EffectUse(effect="link_flexibility", at="link1", period=0.1, modes=1.5), "modes = 1.5 is not a whole"),
+        (EffectUse(effect="link_flexibility", at="link1", period=0.1, modes=1.5), "modes = 1.5 is not"),
         (
             EffectUse(effect="contact", at="link1", stiffness=1.0, offset=0.0, normal_z=0.0),
             "the normal has zero length",

@@ -155,7 +155,7 @@ def test_two_tanks_and_a_link_of_that_name() -> None:
 
 
 def test_more_liquid_than_base_is_refused() -> None:
-    with pytest.raises(InputError, match=r"the base \(40 kg\) has no 50 kg at"):
+    with pytest.raises(InputError, match=r"the base \(40 kg\) cannot lose 50 kg at"):
         simulate(craft().with_effects(slosh(mass=50.0)))
 
 

@@ -92,7 +92,7 @@ def test_link_flexibility_and_stiffening_combine_in_any_order() -> None:
     ("robot", "use", "sentence"),
     [
         (load_robot("two_link_arm"), stiffening(1.0, "link2"), "is not a beam"),
-        (rotor(1.0, stiff=True), stiffening(1.0), "stiffening already"),
+        (rotor(1.0, stiff=True), stiffening(1.0), "already has stiffening"),
     ],
 )
 def test_links_that_cannot_stiffen_are_refused(robot: Robot, use: EffectUse, sentence: str) -> None:
