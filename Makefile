@@ -33,7 +33,7 @@ help:
 	@echo "make crosscheck  both engines against each other, as a page under reports/evidence"
 	@echo "make crosscheck-long  every shipped robot's whole motion in both engines, as a page under reports/evidence;"
 	@echo "              ten minutes of one processor"
-	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
+	@echo "make challenge  the blind challenge on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
 	@echo "make yardstick  every real machine, answers kept under LABEL=$(LABEL), as a page under reports/evidence; takes"
 	@echo "              an hour or two, goes on after an interrupt; the recordings must be here (missing-physics datasets)"
 	@echo "make yardstick-simulated  this engine, under LABEL=$(LABEL), on 300 drawn cases (HALF=looked, counted or"

@@ -1,4 +1,4 @@
-"""What the pages under `reports/evidence` share: their head, tables, and a diagnosis in Markdown."""
+"""Common parts of the pages under `reports/evidence`: their head, tables, and a diagnosis in Markdown."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 EVIDENCE = ROOT / "reports" / "evidence"
 
-#: Packages whose versions move numbers.
+#: Packages whose versions influence results.
 PACKAGES = ("numpy", "scipy", "casadi", "exudyn", "missing-physics")
-#: Folders whose changes move numbers.
+#: Folders whose changes influence results.
 SOURCES = ("robot_model", "reference_model", "exudyn_model", "missing_physics", "examples", "benchmarks")
 
 
@@ -58,7 +58,7 @@ def head(title: str, *, command: str) -> str:
 
 
 def command_line(parser: argparse.ArgumentParser, given: argparse.Namespace, names: Iterable[str]) -> str:
-    """The command with those of the named arguments that are not as they are when left out."""
+    """The command with those of the named arguments that differ from their defaults."""
     words = [parser.prog]
     for name in names:
         value = getattr(given, name)
@@ -100,12 +100,12 @@ def number(value: float) -> str:
 
 
 def percent(value: float, digits: int = 2) -> str:
-    """A share as percent."""
+    """A fraction as percent."""
     return f"{100 * value:.{digits}f} %"
 
 
 def bullets(items: Sequence[str]) -> str:
-    """Sentences as a list; says so when there are none."""
+    """Sentences as a list; "nothing" if there are none."""
     return "\n".join(f"- {item}" for item in items) if items else "- nothing"
 
 

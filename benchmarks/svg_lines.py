@@ -17,15 +17,15 @@ __all__ = ["Line", "Panel", "figure"]
 
 Array = NDArray[np.float64]
 
-#: Sizes [px]: a panel's area, and what is left free around it.
+#: Sizes [px]: a panel's area, and its margins.
 PANEL_WIDTH, PANEL_HEIGHT = 372, 208
 LEFT, RIGHT, ABOVE, BELOW = 74, 18, 36, 48
 #: Sizes [px]: head of the figure with its title and one row of its legend, and each further row.
 HEAD, LEGEND_ROW = 58, 20
 LEGEND_MARK, LEGEND_GAP, LETTER = 26, 22, 7.0
-#: Most points drawn of a line, by each of its coordinates; extremes are kept.
+#: Maximum number of points drawn of a line, by each of its coordinates; extremes are kept.
 POINTS = 900
-#: Part of the range left free at each end of an axis, and the range of a line without any.
+#: Fraction of the range left free at each end of an axis, and the range of a constant line.
 MARGIN, FLAT = 0.05, 1e-12
 #: Decades shown below the largest value of a logarithmic axis.
 DECADES = 6
@@ -78,7 +78,7 @@ def figure(title: str, panels: Sequence[Panel], *, columns: int = 2) -> str:
 
 
 def _legend_rows(panels: Sequence[Panel], width: float) -> list[list[Line]]:
-    """One line for each distinct label, in as many rows as the width asks for."""
+    """One line for each distinct label, in as many rows as the width requires."""
     rows: list[list[Line]] = [[]]
     for line in {line.label: line for panel in panels for line in panel.lines}.values():
         if rows[-1] and _row_width([*rows[-1], line]) > width:

@@ -11,8 +11,8 @@
 # %% [markdown]
 # # From a URDF and a log to an MJCF file
 #
-# This page is a notebook, kept as text: `jupytext --to ipynb docs/notebook.py` makes one of it, and
-# `make site` runs it. The robot is a pendulum on a drive, written as a URDF below.
+# This page is a notebook in text form: `jupytext --to ipynb docs/notebook.py` converts it, and `make site`
+# runs it. The robot is a pendulum on a drive, written as a URDF below.
 
 # %%
 import tempfile
@@ -38,8 +38,8 @@ robot = mp.load_robot(folder / "pendulum.urdf")
 # %% [markdown]
 # ## A log
 #
-# Made here from the equation of motion of the pendulum, with dry friction of 0.35 N m that the URDF lacks
-# and noise of a torque sensor. A data frame, a dictionary of arrays, a CSV file, a bag would do as well.
+# Simulated here by the equation of motion of the pendulum, with dry friction of 0.35 N m that the URDF lacks
+# and torque sensor noise. A data frame, a dictionary of arrays, a CSV file or a bag would work as well.
 
 # %%
 time = np.arange(0.0, 10.0, 0.005)

@@ -1,9 +1,9 @@
-"""The pages of the documentation site, put together from what is in the repository.
+"""The pages of the documentation site, collected from the repository.
 
     python docs/pages.py
 
-Copies pages and pictures into ``build/pages`` as they lie to each other, so that their links hold, and runs
-the notebook of ``docs/notebook.py``. MkDocs makes the site of them (`make site`); no network is needed.
+Copies pages and pictures into ``build/pages`` with the same relative paths, so that links work, and runs the
+notebook ``docs/notebook.py``. MkDocs builds the site from them (`make site`); no network is needed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["PAGES", "main"]
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ROOT / "build" / "pages"
-#: What is copied: pages and pictures of these folders, and pages beside them.
+#: Copied content: pages and pictures of these folders, and top-level pages.
 FOLDERS, TOP = ("docs", "examples", "reports/evidence"), ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")
 ENDS = (".md", ".svg", ".png")
 
@@ -35,7 +35,7 @@ def main() -> None:
 
 
 def notebook() -> None:
-    """The notebook, run, as a page."""
+    """Run the notebook and write it as a page."""
     made = PAGES / "docs" / "notebook.ipynb"
     run = [sys.executable, "-m"]
     subprocess.run(

@@ -7,8 +7,8 @@ Exudyn's own constraint forces give the loads, flexible links are modal bodies i
 geometrically exact beams. Constraints are kept at velocity level, where the trapezoidal rule leaves
 accelerations and constraint forces free of ringing; both formulations are of second order.
 
-Friction, controllers, reference motions, inverse dynamics, finite elements and modes are written here a
-second time on purpose: agreement with the reference model is then worth something.
+Friction, controllers, reference motions, inverse dynamics, finite elements and modes are implemented here a
+second time on purpose, so that agreement with the reference model is meaningful.
 """
 
 from exudyn_model.forces.extra import ArmInstant, ExtraForce

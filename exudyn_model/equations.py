@@ -1,7 +1,7 @@
 """Exudyn's equations of motion at a given state, in the robot's own coordinates.
 
-For comparison with another engine before any trajectory: mass matrix, forces, accelerations and bearing
-loads as Exudyn's solver has them, of either formulation. Vectors of all coordinates are in this order: of a
+For comparison with another engine without a trajectory: mass matrix, forces, accelerations and bearing
+loads of Exudyn's solver, in either formulation. Vectors of all coordinates are in this order: of a
 free base linear and angular velocity in base axes (six); the joints with one coordinate, in the order of
 the file; of each spherical joint the angular velocity of child against parent in the child's axes; modal
 coordinates.
@@ -46,7 +46,7 @@ exu: Any = exudyn
 
 @dataclass(frozen=True)
 class Posture:
-    """Where a robot is and how it moves.
+    """Position and velocity of a robot.
 
     Attributes:
         position, velocity: of the joints with one coordinate [rad or m, per s], shape (n,).
@@ -83,7 +83,7 @@ class Constrained:
     handles: Sequence[tuple[Joint, Handle, Handle]]
 
     def loads(self, tau: Array) -> dict[str, Load]:
-        """What the bearings of joints with one coordinate carry under `tau`."""
+        """Bearing loads of joints with one coordinate under `tau`."""
         count = self.speeds.shape[1]
         right = self.right.copy()
         right[:count] += self.speeds.T @ tau
@@ -115,7 +115,7 @@ class Equations:
         return found
 
     def loads(self, tau: Array) -> dict[str, Load]:
-        """What every bearing carries under `tau`, from Exudyn's constraints; of redundant equations only."""
+        """Bearing loads under `tau`, from Exudyn's constraints; of redundant equations only."""
         assert self.constrained is not None
         return self.constrained.loads(tau)
 
@@ -126,7 +126,7 @@ def equations(
     """Exudyn's equations of motion of `robot`, with the masses and gravity of its effects, at `posture`.
 
     Raises:
-        InputError: the tree is asked for of a robot that it does not carry, or a motor moves by itself.
+        InputError: the tree does not support the robot, or a motor has its own coordinate.
     """
     if geared := effects_of(robot).gears:
         name = robot.moving_joints[next(iter(geared))].name

@@ -89,22 +89,21 @@ def simulate(
             throughout: their stretching waves would hold error control at steps of microseconds.
         integrator: "adaptive", the trapezoidal rule under local error control; for proofs of convergence
             "trapezoidal", the same at the fixed `step` with Newton's iterations carried to rounding, or
-            "runge-kutta", explicit and of sixth order, for trees whose laws remember nothing.
+            "runge-kutta", explicit and of sixth order, for trees whose laws have no memory.
         stiction: friction stops joints within a step where its level suffices, without smoothing (see
             `stopping`); for the integrator "runge-kutta".
-        losses: tell what friction and the windings' resistance take, as of the reference engine.
-        extra: forces on the joints that no effect of the description stands for.
-        controller_model: the robot as the controller believes it to be; `robot` without its effects when
-            left out.
-        tolerance: local error of a velocity per step [rad/s, m/s]; `local_tolerance` when left out.
-        progress: called with the time [s] that the run has come to, at every instant of the recording.
+        losses: record the losses in friction and the windings' resistance, as in the reference engine.
+        extra: additional forces on the joints, outside the description.
+        controller_model: the controller's model of the robot; default is `robot` without its effects.
+        tolerance: local error of a velocity per step [rad/s, m/s]; default is `local_tolerance`.
+        progress: called with the present time [s] at every instant of the recording.
 
     Returns:
         Recording sampled at `reference.sample_rate` from 0 to `reference.duration`.
 
     Raises:
-        InputError: no reference motion, an effect or setting that this engine has no counterpart of, a
-            joint with nothing to move, or a motion that diverges (with its time and last state).
+        InputError: no reference motion, an effect or setting without counterpart in this engine, a joint
+            with nothing to move, or a motion that diverges (with its time and last state).
     """
     if tolerance is None:
         tolerance = local_tolerance(robot, step)
@@ -139,8 +138,8 @@ def check(
 def local_tolerance(robot: Robot, step: float) -> float:
     """Local error of a velocity per step at which `simulate` runs `robot` [rad/s, m/s, sqrt(kg) m/s].
 
-    Below the default step it falls with the cube of the step, so that steps which error control has cut
-    shrink with the others.
+    Below the default step it decreases with the cube of the step, so that steps cut by error control shrink
+    with the others.
     """
     own = RINGING if as_is(robot).flexible_links else TOLERANCE
     return own * min(1.0, (step / DEFAULT_STEP) ** 3)
@@ -148,7 +147,7 @@ def local_tolerance(robot: Robot, step: float) -> float:
 
 @dataclass(frozen=True)
 class _Ready:
-    """The robot as it is, an assembled run, the instants of its recording, and channels beyond the tree's."""
+    """The true robot, an assembled run, the instants of its recording, and channels beyond the tree's."""
 
     robot: Robot
     run: _Run | RedundantRun
@@ -221,13 +220,13 @@ def _prepare(
 
 
 def _unheard(time: float) -> None:
-    """Progress that nobody asked for."""
+    """Ignore progress."""
 
 
 def _check_integrator(
     robot: Robot, forces: Forces, integrator: Integrator, *, redundant: bool, stiction: bool
 ) -> None:
-    """Raise `InputError` for what explicit steps cannot carry."""
+    """Raise `InputError` for anything that explicit steps do not support."""
     if integrator != "runge-kutta":
         return
     remedy = "leave out stiction and the integrator" if stiction else 'use integrator = "trapezoidal"'
@@ -245,7 +244,7 @@ def _check_integrator(
 
 
 def _check_carried(robot: Robot, effects: Effects, flexible: Flexible) -> None:
-    """Raise `InputError` for a flexible link that cannot be carried as asked."""
+    """Raise `InputError` for a flexible link that the chosen form does not support."""
     for link in robot.flexible_links:
         share = effects.stiffening.get(link.name, 1.0)
         if flexible == "beam" and share < 1:
@@ -267,7 +266,7 @@ def _check_known(robot: Robot, forces: Forces, flexible: Flexible) -> None:
 
 
 def _is_redundant(robot: Robot, effects: Effects, forces: Forces, formulation: Formulation) -> bool:
-    """Whether bodies and constraints are called for; raises `InputError` where the tree cannot do it."""
+    """Whether bodies and constraints are needed; raises `InputError` where the tree was chosen but fails."""
     needed = [
         (bool(robot.flexible_links), "its flexible links"),
         (bool(robot.spherical_joints), "its spherical joints"),
@@ -286,7 +285,7 @@ def _is_redundant(robot: Robot, effects: Effects, forces: Forces, formulation: F
 
 
 def measured(robot: Robot, exact: Recording, *, seed: int = 0) -> Recording:
-    """What `simulate(robot, seed=seed)` gives, from the exact recording that the same simulation gave."""
+    """The result of `simulate(robot, seed=seed)`, from the exact recording of the same simulation."""
     return sensed(robot, exact, faults=effects_of(robot).faults, seed=seed)
 
 
@@ -318,7 +317,7 @@ class _Run:
         )
 
     def samples(self, progress: Callable[[float], None]) -> Samples:
-        """Run, telling the time of every sample; raises `InputError` when the motion diverges."""
+        """Run, reporting the time of every sample; raises `InputError` when the motion diverges."""
         self._progress, started = progress, False
         while len(self._samples) < len(self._grid):
             before = self._state.time
@@ -373,7 +372,7 @@ class _Run:
     def _next_stop(self, time: float) -> float:
         row = len(self._samples)
         if row < len(self._grid) and self._grid[row] <= time + ON_GRID:
-            row += 1  # asked before the sample at this instant is taken
+            row += 1  # called before the sample at this instant is recorded
         stop = float(self._grid[row]) if row < len(self._grid) else math.inf
         tick = self._forces.next_tick
         return stop if tick is None or tick <= time + ON_GRID else min(stop, tick)

@@ -1,4 +1,4 @@
-"""Simulating a robot's reference motion with everything that its description says it has."""
+"""Simulation of a robot's reference motion with all effects of its description."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def simulate(
     effort: Effort | None = None,
     any_bodies: bool = False,
 ) -> Recording:
-    """The recording that the robot's reference motion gives.
+    """Simulate the robot's reference motion.
 
     Dry friction is smoothed over `acting.TRANSITION` of speed, so that a joint under load creeps at about
     that speed. With `stiction` it is exact: a joint sticks, without any creep, until the force that holds it
@@ -58,7 +58,7 @@ def simulate(
     `stiction` and a `step`, friction stops a joint within a step where its level suffices: no creep, and no
     events either; see `reference_model.fixed_steps.stopping`.
 
-    The controller sees the true state; sensors only look on. With `sensors`, the channels are those of the
+    The controller uses the true state; sensors do not act back. With `sensors`, the channels are those of the
     robot's sensors, with the sensor effects, noise and resolution of the description, and every joint's
     `reference_position`; a robot without sensors is measured on every channel. Without `sensors`, every
     channel is there and true:
@@ -104,9 +104,9 @@ def simulate(
             is some times faster than both where something is stiff: as compiled C only where the controller
             is continuous (see `rosenbrock_run`), uncompiled where it is sampled (see `held_run`).
         work: integrate the work as well.
-        losses: tell what friction and the windings' resistance take.
-        effort: to which the run adds what it took.
-        any_bodies: run links of negative mass or of impossible inertia too, which a fit may pass through.
+        losses: record the losses in friction and in the windings' resistance.
+        effort: counter to which the run adds its steps.
+        any_bodies: also run links of negative mass or unrealisable inertia, which a fit may pass through.
 
     Raises:
         InputError: no reference motion, an effect that cannot be simulated, effects that leave a link with

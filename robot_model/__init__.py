@@ -1,4 +1,4 @@
-"""What a robot is, and what a recording of it is. Knows no other room.
+"""Description of robots and their recordings. Imports no other package of the project.
 
 Files of flexible bodies are read by a module that needs SciPy's sparse matrices; it is loaded when used.
 """
@@ -126,7 +126,7 @@ _MODAL = ("ModalMatrices", "read_modal_file")
 
 
 def __getattr__(name: str) -> Any:
-    """What is not loaded from the start."""
+    """Names that are loaded on first use."""
     if name not in _MODAL:
         raise AttributeError(f"module 'robot_model' has no attribute '{name}'")
     from robot_model import modal_file

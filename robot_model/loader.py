@@ -1,4 +1,4 @@
-"""Reading and writing robot files (TOML), with errors a person can act on."""
+"""Reading and writing robot files (TOML), with actionable errors."""
 
 from __future__ import annotations
 
@@ -33,17 +33,16 @@ def shipped_robots() -> tuple[str, ...]:
 def load_robot(robot: str | os.PathLike[str], *, overlay: str | os.PathLike[str] | None = None) -> Robot:
     """The robot of a file (TOML, URDF, xacro or MJCF), or a shipped robot by its name.
 
-    What there is to say about how a file of another format was read comes as warnings; `read_robot` returns
-    it instead.
+    Notes on how a file of another format was read are raised as warnings; `read_robot` returns them instead.
 
     Args:
         robot: file or name.
-        overlay: TOML file with keys of a robot file that are put over it; left out, ``NAME.overlay.toml``
-            beside a URDF, xacro or MJCF file, where there is one.
+        overlay: TOML file with keys of a robot file that are applied to it; default is ``NAME.overlay.toml``
+            next to a URDF, xacro or MJCF file, if it exists.
 
     Raises:
-        InputError: no such file or name, not in its format, an unknown key, a value out of range, a file
-            that it names is missing.
+        InputError: no such file or name, wrong format, an unknown key, a value out of range, or a missing
+            file that it names.
     """
     found, notes = read_robot(robot, overlay=overlay)
     for note in notes:
@@ -54,7 +53,7 @@ def load_robot(robot: str | os.PathLike[str], *, overlay: str | os.PathLike[str]
 def read_robot(
     robot: str | os.PathLike[str], *, overlay: str | os.PathLike[str] | None = None
 ) -> tuple[Robot, tuple[str, ...]]:
-    """As `load_robot`, with the sentences that must be said about how the file was read."""
+    """Like `load_robot`, with notes on how the file was read."""
     path = Path(robot)
     if not _exists(path) and str(robot) in shipped_robots():
         text = resources.files("robot_model").joinpath("library", f"{robot}.toml").read_text("utf-8")
@@ -78,12 +77,12 @@ def read_robot(
 
 @cache
 def _shipped(text: str, name: str) -> Robot:
-    """The robot of a file of the package, which is immutable, and read and checked once."""
+    """The robot of a file of the package, which is immutable, and is read and checked once."""
     return robot_from_toml(text, source=name)
 
 
 def _imported(path: Path, overlay: str | os.PathLike[str] | None) -> tuple[Robot, tuple[str, ...]]:
-    """A robot of another format, with the overlay that is given or lies beside it."""
+    """A robot of another format, with the given overlay or the one next to it."""
     from robot_model.formats.importing import import_robot  # XML is read only where it is needed
 
     beside = path.with_name(f"{stem_of(path)}.overlay.toml")
@@ -95,7 +94,7 @@ def _imported(path: Path, overlay: str | os.PathLike[str] | None) -> tuple[Robot
 
 
 def _from_toml(text: str, source: str, overlay: str | os.PathLike[str] | None) -> Robot:
-    """The robot of TOML text, which is one by itself, and of the overlay that is put over it."""
+    """The robot of TOML text, which must be complete by itself, with an overlay applied."""
     robot = robot_from_toml(text, source=source)
     if overlay is None:
         return robot
@@ -105,7 +104,7 @@ def _from_toml(text: str, source: str, overlay: str | os.PathLike[str] | None) -
 
 
 def _beside(link: Link, robot: Path) -> Link:
-    """The link with the file it names looked for beside the robot's own, wherever the robot is saved to."""
+    """The link with the absolute path of its file, which is relative to the robot file."""
     if link.modal is None:
         return link
     file = robot.parent / link.modal.file
@@ -121,7 +120,7 @@ def _beside(link: Link, robot: Path) -> Link:
 def _exists(path: Path) -> bool:
     try:
         return path.exists()
-    except (OSError, ValueError):  # a name that the system does not take names nothing
+    except (OSError, ValueError):  # an invalid name names no file
         return False
 
 
@@ -132,7 +131,7 @@ def _what_it_is(path: Path) -> str:
 
 
 def _suggestion(path: Path) -> str:
-    """A file beside it of nearly that name, or a shipped robot of nearly that name."""
+    """A file next to it, or a shipped robot, with a similar name."""
     beside = [other.name for other in _files_in(path.parent) if other.suffix in (".toml", *MARKUP)]
     shipped = shipped_robots()
     if near := nearest(path.name, [*beside, *shipped]):

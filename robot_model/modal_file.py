@@ -22,7 +22,7 @@ from robot_model.input.memory import OutOfMemoryError
 
 __all__ = ["ModalMatrices", "read_modal_file"]
 
-#: A mesh of more nodes is for a program of finite elements to reduce first; its modes would take minutes.
+#: A mesh of more nodes should be reduced by finite element software first; its modes would take minutes.
 MOST_NODES = 20_000
 
 #: A dense matrix of more rows takes hundreds of megabytes; larger ones are sparse.
@@ -34,16 +34,16 @@ LARGEST_ARRAY = 512 * 2**20
 #: Stiffness in SI units stays far below; sums and products of such figures do not overflow.
 LARGEST_ENTRY = 1e24
 
-#: Asymmetry, beside the largest entry of row and column, that files of single precision have.
+#: Asymmetry of single precision files, relative to the largest entry of row and column.
 SINGLE = 1e-6
 
-#: An eigenvalue of the stiffness this far below zero, beside the highest, is no rounding of single precision.
+#: An eigenvalue of the stiffness this far below zero, relative to the highest, is not just rounding.
 NEGATIVE = 1e-6
 
 #: Up to this many rows a dense factorisation is as quick as a sparse one.
 DENSE_ROWS = 1500
 
-#: What an array's header may take; numpy's own limit.
+#: Largest size of an array's header; numpy's own limit.
 HEADER = 10_000
 
 
@@ -63,7 +63,7 @@ class ModalMatrices:
 
 
 def read_modal_file(path: str | os.PathLike[str]) -> ModalMatrices:
-    """The matrices of an NPZ file as `ModalBody` describes it.
+    """The matrices of an NPZ file as described in `ModalBody`.
 
     Raises:
         InputError: no such file, damaged, an array missing, of a wrong shape, too large or not finite, a
@@ -74,7 +74,7 @@ def read_modal_file(path: str | os.PathLike[str]) -> ModalMatrices:
         mass, stiffness = (_matrix(arrays, name, len(nodes)) for name in ("mass", "stiffness"))
     if mass.shape != stiffness.shape:
         raise InputError(
-            f"{path}: mass is {_told(mass.shape)} but stiffness {_told(stiffness.shape)}; both need the same "
+            f"{path}: mass is {_size(mass.shape)} but stiffness {_size(stiffness.shape)}; both need the same "
             "degrees of freedom."
         )
     _is_definite(mass, stiffness, path)
@@ -83,7 +83,7 @@ def read_modal_file(path: str | os.PathLike[str]) -> ModalMatrices:
 
 @dataclass(frozen=True)
 class _Arrays:
-    """The arrays of an open NPZ file, read one by one, none before its size is known."""
+    """The arrays of an open NPZ file, read one by one, each after checking its size."""
 
     path: Path
     archive: zipfile.ZipFile
@@ -122,7 +122,7 @@ def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[_Arrays]:
-    """The file's arrays; every failure of the file itself as one sentence."""
+    """The file's arrays; every failure of the file is reported in one sentence."""
     try:
         with zipfile.ZipFile(path) as archive:
             yield _Arrays(path, archive)
@@ -140,7 +140,7 @@ def _opened(path: Path) -> Iterator[_Arrays]:
         raise InputError(f"{path} is not an NPZ file of arrays: {error}.") from None
 
 
-def _told(shape: tuple[int, ...]) -> str:
+def _size(shape: tuple[int, ...]) -> str:
     return " x ".join(map(str, shape)) or "a single number"
 
 
@@ -158,7 +158,7 @@ def _finite(arrays: _Arrays, name: str) -> NDArray[np.float64]:
 def _nodes(arrays: _Arrays) -> NDArray[np.float64]:
     nodes = _finite(arrays, "nodes")
     if nodes.ndim != 2 or nodes.shape[1] != 3 or len(nodes) < 2:
-        raise InputError(f"{arrays.path}: nodes is {_told(nodes.shape)}; it needs N x 3, two nodes or more.")
+        raise InputError(f"{arrays.path}: nodes is {_size(nodes.shape)}; it needs N x 3, two nodes or more.")
     if len(nodes) > MOST_NODES:
         raise InputError(
             f"{arrays.path}: nodes has {len(nodes)} of them and may have {MOST_NODES}; reduce the mesh."
@@ -173,7 +173,7 @@ def _matrix(arrays: _Arrays, name: str, nodes: int) -> sparse.csr_array:
     rows, columns = matrix.shape
     if rows != columns or rows not in (3 * nodes, 6 * nodes):
         raise InputError(
-            f"{arrays.path}: {name} is {_told(matrix.shape)}; {nodes} nodes need {3 * nodes} or {6 * nodes} "
+            f"{arrays.path}: {name} is {_size(matrix.shape)}; {nodes} nodes need {3 * nodes} or {6 * nodes} "
             "rows and as many columns."
         )
     _is_symmetric(arrays, name, matrix)
@@ -183,17 +183,17 @@ def _matrix(arrays: _Arrays, name: str, nodes: int) -> sparse.csr_array:
 def _dense(arrays: _Arrays, name: str) -> sparse.csr_array:
     array = _finite(arrays, name)
     if array.ndim != 2:
-        raise InputError(f"{arrays.path}: {name} is {_told(array.shape)}; it needs rows and columns.")
+        raise InputError(f"{arrays.path}: {name} is {_size(array.shape)}; it needs rows and columns.")
     if len(array) > MOST_DENSE_ROWS:
         raise InputError(
-            f"{arrays.path}: {name} is {_told(array.shape)}; above {MOST_DENSE_ROWS} rows give it as "
+            f"{arrays.path}: {name} is {_size(array.shape)}; above {MOST_DENSE_ROWS} rows give it as "
             f"{name}_data, {name}_indices, {name}_indptr (compressed rows)."
         )
     return sparse.csr_array(array)
 
 
 def _sparse(arrays: _Arrays, name: str) -> sparse.csr_array:
-    """The matrix of compressed rows, whose indices may be anything before they are checked."""
+    """The matrix of compressed rows, with checked indices."""
     data = _finite(arrays, f"{name}_data")
     indices, pointers = (_whole(arrays, f"{name}_{part}") for part in ("indices", "indptr"))
     rows = len(pointers) - 1
@@ -221,7 +221,7 @@ def _whole(arrays: _Arrays, name: str) -> NDArray[np.int64]:
 
 
 def _is_symmetric(arrays: _Arrays, name: str, matrix: sparse.csr_array) -> None:
-    """Each entry beside the larger of the two diagonal ones, since rows may have different units."""
+    """Each entry relative to the larger of its two diagonal ones, since rows may have different units."""
     difference = sparse.coo_array(abs(matrix - matrix.T))
     diagonal = np.sqrt(np.abs(matrix.diagonal()))
     scale = np.maximum(diagonal[difference.coords[0]] * diagonal[difference.coords[1]], np.finfo(float).tiny)
@@ -256,7 +256,7 @@ def _is_definite(mass: sparse.csr_array, stiffness: sparse.csr_array, path: str 
 
 
 def _scaled(matrix: sparse.csr_array, weights: NDArray[np.float64]) -> sparse.csr_array:
-    """The matrix for degrees of freedom of unit mass, free of units but for 1/s^2."""
+    """The matrix for degrees of freedom of unit mass, in 1/s^2."""
     scale = sparse.diags_array(1 / np.sqrt(weights))
     with np.errstate(
         over="ignore", invalid="ignore"
@@ -265,7 +265,7 @@ def _scaled(matrix: sparse.csr_array, weights: NDArray[np.float64]) -> sparse.cs
 
 
 def _is_positive(matrix: sparse.csr_array) -> bool:
-    """Whether a symmetric matrix is positive definite: whether elimination meets positive pivots only."""
+    """Whether a symmetric matrix is positive definite: elimination has only positive pivots."""
     if not np.isfinite(matrix.data).all():
         return False
     if matrix.shape[0] <= DENSE_ROWS:

@@ -1,9 +1,9 @@
-"""The whole cross-validation of both engines, written as a page of evidence.
+"""The complete cross-validation of both engines, written as a page of evidence.
 
     python -m benchmarks.cross_validation
 
-Writes `reports/evidence/cross_validation.md` with its pictures; ends with an error when something that must
-hold does not. Takes some ten minutes of one processor.
+Writes `reports/evidence/cross_validation.md` with its pictures; ends with an error if a requirement fails.
+Takes some ten minutes of one processor.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ COLOURS = {
 
 
 def main() -> int:
-    """Run everything, write the page, tell what does not hold."""
+    """Run everything, write the page, report failures."""
     began = _processor_time()
     formulas = _formulas()
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
@@ -70,9 +70,9 @@ def main() -> int:
     parts = [
         head("The engines against each other", command=COMMAND),
         page.introduction(),
-        "## What was found",
+        "## Faults found",
         page.findings(),
-        "## Identical before anything moves",
+        "## Agreement at a given state",
         page.formulas(formulas),
         "## Trajectories",
         page.bounds(),
@@ -99,9 +99,9 @@ def main() -> int:
     failures = [f"{a.subject}: {a.quantity}" for a in formulas if not a.holds]
     failures += [", ".join(o.case.labels) for o in (*product, *built, *controllers, *effects) if not o.holds]
     failures += [c.study.name for c in courses if not c.holds]
-    failures += [f"not seen: {fault.what}" for fault, sight in seen if sight is None]
+    failures += [f"not detected: {fault.what}" for fault, sight in seen if sight is None]
     for failure in failures:
-        print(f"does not hold: {failure}", file=sys.stderr)
+        print(f"failed: {failure}", file=sys.stderr)
     return 1 if failures else 0
 
 

@@ -1,4 +1,4 @@
-"""How the difference of the engines falls as Exudyn's step shrinks, and where and why it stops."""
+"""Convergence of the engines' difference with Exudyn's step, and its limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_model import JointPD, MultiSine, Reference, Robot
 
 __all__ = ["QUANTITIES", "STUDIES", "Course", "Study", "course"]
 
-#: What is followed: positions, velocities, modal coordinates, constraint forces.
+#: Compared quantities: positions, velocities, modal coordinates, constraint forces.
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "position": ("position", "attitude"),
     "velocity": ("velocity", "linear_velocity", "angular_velocity"),
@@ -31,18 +31,18 @@ FORCES = ("constraint force", "friction")
 
 @dataclass(frozen=True)
 class Study:
-    """One robot followed at falling steps.
+    """One robot at decreasing steps.
 
     Attributes:
         name: for the page.
         robot: in smooth, short motion.
         formulation, integrator: of Exudyn.
         order: of the integrator.
-        steps: of Exudyn [s], falling.
+        steps: of Exudyn [s], decreasing.
         goal: relative difference that the last step must reach in motion.
-        force_goal: the same in constraint forces and friction, at the step where they are nearest: what
-            rounding leaves in them grows as the step shrinks.
-        remark: why it is this one, and what stops it.
+        force_goal: the same in constraint forces and friction, at the step of their smallest difference:
+            their rounding error grows as the step shrinks.
+        remark: its purpose, and what limits the convergence.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Course:
     """Differences along the steps of a study.
 
     Attributes:
-        study: what was followed.
+        study: robot and steps.
         relative: by quantity, one for each step.
     """
 
@@ -104,9 +104,9 @@ def course(study: Study) -> Course:
     return Course(study, found)
 
 
-#: Of the sines that lead the joints [Hz]: less than a quarter of a period in a run, no joint turns back.
+#: Frequency of the joint sines [Hz]: less than a quarter of a period in a run, so that no joint reverses.
 FREQUENCY = 1.5
-#: Of the runs [s], and instants compared in one.
+#: Duration of the runs [s], and instants compared in one.
 DURATION, SAMPLES = 0.05, 10
 
 
@@ -117,7 +117,7 @@ def _moving(
     frequency: float = FREQUENCY,
     duration: float = DURATION,
 ) -> Robot:
-    """The robot from a start in motion, its joints led along sines that begin with that motion."""
+    """The robot from a start in motion, its joints following sines that start with that motion."""
     rate = 2 * np.pi * frequency
     waves = tuple(
         MultiSine(
@@ -138,7 +138,7 @@ def _moving(
 
 
 def _turning() -> Robot:
-    """The arm moving slowly while its reference calls it back: both joints turn back within the run."""
+    """The arm moving slowly with a reversing reference: both joints reverse within the run."""
     robot = _moving(rigid(), speeds=(-1.0, 1.2))
     slow = (0.05, -0.06)
     joints = tuple(j.model_copy(update={"initial_velocity": v}) for j, v in zip(robot.joints, slow))
@@ -182,8 +182,8 @@ STUDIES: tuple[Study, ...] = (
         2,
         _FINEST,
         1e-9,
-        "Those of a step carry rounding divided by it, so that constraint forces are read from accelerations "
-        "that keep the constraints at the state itself: they fall with the step to the end.",
+        "The solver's own constraint forces have rounding divided by the step, so they are computed from "
+        "accelerations that satisfy the constraints at the state itself: these converge to the end.",
         force_goal=1e-9,
     ),
     Study(
@@ -250,7 +250,7 @@ STUDIES: tuple[Study, ...] = (
         2,
         _FINE,
         1e-2,
-        "Dry friction changes its sign within 1e-4 rad/s, passed in some microseconds: longer steps meet the "
+        "Dry friction changes its sign within 1e-4 rad/s, in some microseconds: longer steps sample the "
         "reversal at random, and the order is lost.",
         force_goal=1.0,
     ),

@@ -1,7 +1,7 @@
-"""Modes against geometrically exact beam elements: number of modes, number of elements, and how far it bends.
+"""Modes against geometrically exact beam elements: number of modes, number of elements, and deflection.
 
-The reference model bends a link by the linear modes of its lumped finite elements. Exudyn's exact beam
-elements have neither modes nor small deflections, and their mass is spread along them.
+The reference model describes bending by the linear modes of lumped finite elements. Exudyn's exact beam
+elements use no modes and allow large deflections, and their mass is distributed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Bent:
     """One comparison.
 
     Attributes:
-        value: of what was varied.
+        value: of the varied quantity.
         deflection: peak of the tip's transverse deflection over the length.
         across: difference of transverse deflections over their peak.
         along: difference of the tip's shift along the mast over the length.
@@ -50,7 +50,7 @@ class Bent:
 
 
 def mast(*, load: float, modes: int, elements: int, tip: float = 3.0, duration: float = 0.6) -> Robot:
-    """A beam welded to the ground, level, let go in a field across it; the run covers its first swing."""
+    """A level beam welded to the ground, released in a transverse field; the run covers its first swing."""
     beam = Beam(
         length=LENGTH,
         section=Tube(outer_diameter=0.03, inner_diameter=0.026),
@@ -72,14 +72,14 @@ def mast(*, load: float, modes: int, elements: int, tip: float = 3.0, duration: 
 
 
 def by_modes() -> list[Bent]:
-    """From few modes to more, of a bare beam, against the same exact elements."""
+    """Increasing numbers of modes of a bare beam, against the same exact elements."""
     bare = {"load": SMALL, "elements": 24, "tip": 0.0, "duration": 0.12}
     exact = exudyn_run(mast(modes=2, **bare), flexible="beam", step=STEP / 4)
     return [_bent(n, mast(modes=n, **bare), exact) for n in MODES]
 
 
 def by_elements() -> list[Bent]:
-    """As many elements in both."""
+    """The same number of elements in both."""
     found = []
     for n in ELEMENTS:
         robot = mast(load=SMALL, modes=8, elements=n)

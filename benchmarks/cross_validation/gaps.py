@@ -1,4 +1,4 @@
-"""Two recordings of one motion: how far apart they are, absolute and beside what they record."""
+"""Differences of two recordings of one motion, absolute and relative to their range."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ __all__ = [
     "reference_run",
 ]
 
-#: Tolerances of the reference run. CVODES then errs by 1e-12 to 1e-11 of a channel's range.
+#: Tolerances of the reference run. The error of CVODES is then 1e-12 to 1e-11 of a channel's range.
 TIGHT = {"rtol": 1e-13, "atol": 1e-15}
-#: A range below this part of the largest value, or of 1, is rounding: nothing is relative to it.
+#: A range below this fraction of the largest value, or of 1, is rounding: no relative difference is given.
 FLAT = 1e-9
-#: The same in SI units for what a robot may hold or keep by itself, where a range is an engine's error.
+#: The same in SI units for quantities that may be constant, where a range is an engine's error.
 HELD = 1e-5
 KEPT = (
     *("position", "attitude", "velocity", "linear_velocity", "angular_velocity", "linear_acceleration"),
@@ -36,12 +36,12 @@ GIVEN = ("reference_position", "reference_velocity")
 
 @dataclass(frozen=True)
 class Gap:
-    """How far two recordings are apart in one quantity of one place, all its axes together.
+    """Difference of two recordings in one quantity of one place, over all its axes.
 
     Attributes:
         place, quantity: as in the channel's name.
         largest: of the difference, in the channel's unit.
-        extent: largest range of its axes, in the channel's unit; 0 of what stays constant.
+        extent: largest range of its axes, in the channel's unit; 0 for constant channels.
     """
 
     place: str
@@ -51,12 +51,12 @@ class Gap:
 
     @property
     def relative(self) -> float | None:
-        """Largest difference over the range; None of what stays constant."""
+        """Largest difference over the range; None for constant channels."""
         return self.largest / self.extent if self.extent > 0 else None
 
 
 def gaps(reference: Recording, other: Recording) -> list[Gap]:
-    """Of every quantity that both record, reference and given channels left out."""
+    """Gaps of every quantity in both recordings, without reference and given channels."""
     groups: dict[tuple[str, str], list[str]] = {}
     for channel in (name for name in reference if name in other):
         place, quantity = channel.split(".")[:2]
@@ -73,7 +73,7 @@ def gaps(reference: Recording, other: Recording) -> list[Gap]:
 
 
 def extrapolated(coarse: Recording, fine: Recording) -> Recording:
-    """What two runs of a method of second order, the second at half the step, tend to (Richardson 1911)."""
+    """Limit of two runs of a second-order method, the second at half the step (Richardson 1911)."""
     channels = {name: fine[name] + (fine[name] - coarse[name]) / 3 for name in fine}
     return Recording(fine.time, channels, source=fine.source)
 

@@ -1,7 +1,7 @@
 """Trajectories of both engines over robots, frictions, motions, controllers and effects.
 
-Exudyn runs twice, the second time at half the step. What a step costs falls to a quarter then, and the limit
-of both runs is compared: a difference of modelling stays in it, however small it is beside that of a step.
+Exudyn runs twice, the second time at half the step. The step error then falls to a quarter, and the limit of
+both runs is compared: a modelling difference remains in it, however small compared with the step error.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ __all__ = [
 
 #: Largest step of Exudyn [s].
 STEP = 5e-4
-#: Tolerances of the reference run, far below what that step costs.
+#: Tolerances of the reference run, far below the error of that step.
 REFERENCE = {"rtol": 1e-10, "atol": 1e-13}
-#: Of every run [s], and of the sines that reverse twice in it [Hz].
+#: Duration of every run [s], and frequency of the sines that reverse twice in it [Hz].
 DURATION, FREQUENCY = 0.1, 7.5
 #: Gains of the matrix' controller [N m/rad, N m s/rad].
 CONTROL = JointPD(kp=400.0, kd=40.0)
@@ -63,14 +63,14 @@ BASES = ("fixed", "free")
 LAWS = ("none", "Coulomb", "Stribeck", "LuGre", "LuGre with load")
 TRAVELS = ("fast", "slow", "reversing")
 
-#: Motion proper, and what follows from its rates; all else follows from accelerations.
+#: Motion, and quantities that follow from rates; all others follow from accelerations.
 MOTION = ("position", "attitude", "tip_deflection", "strain", "modal_coordinate")
 RATES = ("velocity", "linear_velocity", "angular_velocity", "energy", "linear_momentum", "angular_momentum")
-#: Largest difference over range that extrapolation may leave: the next power of the step, and reversals of
-#: friction, which two steps meet at different instants.
+#: Largest relative difference after extrapolation: the next power of the step, and reversals of friction,
+#: which two step sizes hit at different instants.
 LEFT = {"motion": 2e-5, "rates": 2e-5, "forces": 1e-3}
-#: Motion and rates must fall by this power of the step at least, unless they are below `NOISE` already, where
-#: Newton's iterations, the reference run's tolerance and rounding are as large.
+#: Differences of motion and rates must decrease at least with this power of the step, unless they are below
+#: `NOISE`, where Newton's iterations, the reference run's tolerance and rounding dominate.
 ORDER, NOISE = 1.5, 5e-7
 
 
@@ -84,13 +84,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How far the engines are apart in one case.
+    """Differences of the engines in one case.
 
     Attributes:
-        case: what ran.
+        case: the closed loop.
         gaps: of every quantity, at the step.
         halved: the same at half the step.
-        limit: the same of what both tend to.
+        limit: the same for the extrapolated limit.
         refused: why an engine refused it, if one did.
     """
 
@@ -113,13 +113,13 @@ class Outcome:
         return _worst(self.limit, group)
 
     def order(self, group: str) -> float:
-        """Power of the step with which a group's largest difference falls; infinite below `NOISE`."""
+        """Power of the step with which a group's largest difference decreases; infinite below `NOISE`."""
         fine = self.half(group)
         return log2(self.worst(group) / fine) if fine > NOISE else inf
 
     @property
     def holds(self) -> bool:
-        """What is left of every group is within its bound, and motion and rates fall as they must."""
+        """Every group's limit is within its bound, and motion and rates converge with the required order."""
         within = all(self.left(name) <= bound for name, bound in LEFT.items())
         return not self.refused and within and all(self.order(name) >= ORDER for name in ("motion", "rates"))
 
@@ -163,7 +163,7 @@ def controller_cases() -> Iterator[Case]:
 
 
 def build_cases() -> Iterator[Case]:
-    """Robots built from further parts, rubbing by their bearing loads."""
+    """Robots with other parts, with friction from bearing loads."""
     effect, parameters = FRICTION["LuGre with load"]
     robots = (
         chain(),
@@ -180,14 +180,14 @@ def build_cases() -> Iterator[Case]:
 
 
 def effect_cases() -> Iterator[Case]:
-    """Every effect that both engines carry, at twice its typical size or less, wherever it can sit."""
+    """Every effect that both engines support, at twice its typical value or less, at every possible place."""
     yield from _joint_and_body_effects()
     yield from _effects_at_motors()
     yield from _pushes_and_structures()
 
 
 def _pushes_and_structures() -> Iterator[Case]:
-    """What pushes on bodies besides the joints, and what changes how the robot is built."""
+    """Force effects on bodies, and structure effects."""
     fixed, free, bent = rigid(base="fixed"), rigid(), flexible()
     grounded = flexible(base="fixed")
     rows = [
@@ -226,7 +226,7 @@ def _joint_and_body_effects() -> Iterator[Case]:
             yield Case(moving.with_effects(_typical(effect, place)), (effect, _kind(robot)))
 
 
-#: Where an effect's typical size does not fit these robots.
+#: Values where an effect's typical ones do not suit these robots.
 SIZES: Mapping[str, Mapping[str, float]] = {
     "payload": {"mass": 0.6, "x": 0.2, "y": 0.1, "z": -0.1},
     "inertia": {
@@ -256,14 +256,14 @@ SIZES: Mapping[str, Mapping[str, float]] = {
     "centrifugal_stiffening": {"strength": 0.7},
 }
 
-#: Points that touch a wall, and where it is: the point begins a millimetre deep in it.
+#: Contact points and walls: the point starts a millimetre inside the wall.
 WALLS: Mapping[tuple[str, str], Mapping[str, float]] = {
     ("contact", "upper"): {"x": 0.6, "offset": -0.0872433},
     ("contact", "lower"): {"x": 1.0, "offset": -1.0089797},
 }
 
 
-#: Where effects of bodies sit; a payload goes out on a link that bends where there is one.
+#: Places of body effects; a payload is on a flexible link where there is one.
 PLACES = {"payload": "upper", "inertia": "upper", "gravity": "base"}
 
 

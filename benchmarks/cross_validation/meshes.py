@@ -1,7 +1,7 @@
-"""Finite elements as somebody else's program would hand them over: a frame of beams, a lattice of bars.
+"""Finite elements as exported by other programs: a frame of beams, a lattice of bars.
 
-Neither engine's code makes them. Masses are consistent: they couple nodes with their neighbours, and those of
-the frame displacements with rotations.
+They use no code of either engine. Masses are consistent: they couple nodes with their neighbours, and those
+of the frame couple displacements with rotations.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _folder() -> Path:
 
 @cache
 def mesh_file(name: str) -> str:
-    """The NPZ file of a mesh; it is there as long as this process runs."""
+    """The NPZ file of a mesh; it exists while this process runs."""
     nodes, mass, stiffness = MESHES[name]()
     path = _folder() / f"{name}.npz"
     np.savez(path, nodes=nodes, mass=mass, stiffness=stiffness)

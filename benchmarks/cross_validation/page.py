@@ -1,4 +1,4 @@
-"""The page of evidence: what was compared, what was found, what is left."""
+"""The page of evidence: comparisons, faults found, remaining differences."""
 
 from __future__ import annotations
 
@@ -28,44 +28,44 @@ __all__ = [
 
 
 def introduction() -> str:
-    """What the page is about."""
+    """Introduction of the page."""
     return paragraph(
         "Two engines carry the same robot descriptions: the reference model (a recursive formulation in",
         "CasADi, integrated by CVODES) and a twin built on Exudyn (its kinematic tree, or its bodies and",
         "constraints; its modal bodies or its geometrically exact beams; its integrators). They share the",
-        "description and what it says by itself (unit axes, figures of sections, places of nodes, matrices",
-        "as they are read from files), and no code of mechanics: kinematics, inertia, finite elements,",
-        "friction, control and effects are written twice. A misreading of the description could be in both:",
-        "closed forms in the tests stand against it, and MuJoCo, which comes within 1e-8 of the reference",
-        "on rigid arms in free motion ([benchmarks.md](benchmarks.md)). Differences are given beside the",
-        "range of what is compared, all axes of a vector together; Exudyn minus reference. Where Exudyn's",
-        "modal bodies end, the twin adds equations of its own: joints on nodes that move with the modes,",
+        "description with its derived data (unit axes, section properties, node positions, matrices read",
+        "from files), and no code of mechanics: kinematics, inertia, finite elements, friction, control",
+        "and effects are implemented twice. A misinterpretation of the description could be in both; the",
+        "tests check against closed forms, and MuJoCo agrees with the reference to 1e-8 on rigid arms in",
+        "free motion ([benchmarks.md](benchmarks.md)). Differences are relative to the range of the compared",
+        "quantity, over all axes of a vector; Exudyn minus reference. For features that Exudyn's modal",
+        "bodies lack, the twin adds equations of its own: joints on nodes that move with the modes,",
         "stiffening, masses that couple displacements with rotations.",
     )
 
 
 def findings() -> str:
-    """Faults that this comparison brought to light; all are corrected, and each has a test of its own."""
+    """Faults revealed by this comparison; all are corrected, and each has a test."""
     return """\
-- **Gravity on Exudyn's modal bodies** turns them about the centre of mass of the *undeformed* body: the
-  load of the library leaves the deformation out. The twin now applies gravity to the bent link itself. How
-  much it was is among the seeded faults below.
+- **Gravity on Exudyn's modal bodies** has the moment of the *undeformed* body: the load of the library
+  neglects the deformation. The twin now applies gravity to the bent link itself. The resulting difference is
+  among the seeded faults below.
 - **Rotary inertia of finite-element nodes** was constant in the link's axes in the reference model, so that
-  a body at the tip bent its link by no gyroscopic moment. It now turns with its node (seeded again below).
+  the gyroscopic moment of a tip body did not bend its link. It now rotates with its node (seeded below).
 - **Angular momentum** of robots on a fixed base counted reflected rotor inertia in the twin.
 - **Integral action of a sampled controller** summed samples in the twin; by the description only the output
   is held.
-- **Exudyn's first accelerations** are found by differences, and the trapezoidal rule carries their error
-  along in constraint forces for ever. The twin puts them right at the start.
-- **The way back to a held base's attitude** went by the sign of the quaternion in the reference model: of
-  the two that mean one attitude, the other led the long way round.
-- **Lengths of bearing loads** were all 1e-9 N too small in the reference model, by which it rounds them off
-  at zero. Constraint forces therefore stopped at 1.3e-8 of their range, with 1.000e-9 N of difference in the
-  bearings. It is 1e-12 N now: at a given state the loads are equal but for rounding, and along the motion
-  they fall with the step as the motion does.
-- **Modes of a clamped beam** had errors of rounding beside the highest frequency of its mesh in the twin, so
-  that mass matrices differed by 5e-12 and control torques with spherical joints by 4e-11. The lowest modes
-  are found first now, and what was 5e-12 is 1e-14.
+- **Exudyn's first accelerations** are computed by differences, and the trapezoidal rule keeps their error in
+  constraint forces forever. The twin corrects them at the start.
+- **The attitude error of a held base** depended on the sign of the quaternion in the reference model: one of
+  the two signs of an attitude gave the longer return rotation.
+- **Magnitudes of bearing loads** were all 1e-9 N too small in the reference model, the smoothing at zero.
+  Constraint forces therefore stopped converging at 1.3e-8 of their range, with 1.000e-9 N of difference in
+  the bearings. It is 1e-12 N now: at a given state the loads are equal except for rounding, and along the
+  motion they converge with the step as the motion does.
+- **Modes of a clamped beam** had rounding errors relative to the highest frequency of its mesh in the twin,
+  so that mass matrices differed by 5e-12 and control torques with spherical joints by 4e-11. The lowest modes
+  are computed first now, and the 5e-12 became 1e-14.
 - **A diverging run** under error control took very long to give up; it now ends soon, with time and state."""
 
 
@@ -78,13 +78,13 @@ def formulas(found: Sequence[Agreement]) -> str:
         rows.append([quantity, str(len(own)), f"{worst.worst:.0e}", f"{worst.bound:.0e}", worst.subject])
     failed = [item for item in found if not item.holds]
     text = paragraph(
-        f"{len(found)} comparisons at random states: joint speeds from 1e-5 to 2 rad/s either way, links",
-        "bent by centimetres, bases turned and moving. Exudyn's mass matrix, forces and constraint forces",
-        "are taken from its solver; redundant coordinates are projected by the null space of its constraint",
-        "Jacobian. Friction that follows bearing loads is brought into agreement with Exudyn's constraint",
-        f"forces. {len(found) - len(failed)} of {len(found)} are within their bounds: rounding, which",
-        "accelerations and loads carry ten times as much of, since the smallest eigenvalue of the mass",
-        "matrix is 1e-3 of the largest. Rates of bristles and lags are taken by differences.",
+        f"{len(found)} comparisons at random states: joint speeds from 1e-5 to 2 rad/s in both directions,",
+        "links bent by centimetres, bases rotated and moving. Exudyn's mass matrix, forces and constraint",
+        "forces are those of its solver; redundant coordinates are projected by the null space of its",
+        "constraint Jacobian. Load-dependent friction is iterated to agree with Exudyn's constraint forces.",
+        f"{len(found) - len(failed)} of {len(found)} are within their bounds: rounding, which is ten times",
+        "larger in accelerations and loads, since the smallest eigenvalue of the mass matrix is 1e-3 of the",
+        "largest. Rates of bristles and lags are computed by differences.",
     )
     return f"{text}\n\n" + table(("quantity", "subjects:", "largest difference:", "bound:", "found in"), rows)
 
@@ -114,32 +114,32 @@ def loops(found: Sequence[Outcome]) -> str:
 
 
 def bounds() -> str:
-    """What is compared, and what is allowed."""
+    """Compared quantities and bounds."""
     allowed = ", ".join(f"{group} {LEFT[group]:g}" for group in GROUPS)
     return paragraph(
         f"Exudyn at steps of {STEP:g} s at most under local error control, with constraints; the",
         "reference at tolerances of 1e-10. Largest difference over range of *motion* (positions, attitudes,",
         "deflections, strains, modal coordinates), of *rates* (velocities, energy, momenta) and of *forces*",
-        "(torques, friction, loads, accelerations). Is all of it the step's? Every case runs a second time",
-        "at half the step: a difference that is the step's falls to a quarter, one of modelling stays. What",
-        "both runs tend to (Richardson's extrapolation) is compared with the reference again, and is what",
-        f"must stay within bounds: {allowed} of the range. In motion and rates the power of the step must be",
-        f"{ORDER:g} at least where the difference at half the step is more than {NOISE:g}, about which",
-        "Newton's iterations and the tolerance of the reference run leave as much. These runs last 0.1 s;",
-        "shipped robots over the whole of their reference motions are in",
+        "(torques, friction, loads, accelerations). To separate step errors, every case runs a second time",
+        "at half the step: a step error falls to a quarter, a modelling difference stays. The limit of both",
+        "runs (Richardson's extrapolation) is compared with the reference again, and must stay within",
+        f"bounds: {allowed} of the range. In motion and rates the power of the step must be at least",
+        f"{ORDER:g} where the difference at half the step is more than {NOISE:g}, below which Newton's",
+        "iterations and the tolerance of the reference run dominate. These runs last 0.1 s;",
+        "shipped robots over their full reference motions are in",
         "[crosscheck_full_length.md](crosscheck_full_length.md).",
     )
 
 
 def summary(found: Sequence[Outcome]) -> str:
-    """Over all cases: largest difference, the same at half the step, what is left, and the powers."""
+    """Over all cases: largest difference, the same at half the step, after extrapolation, and the powers."""
     rows = []
     for group in GROUPS:
         cells = [f"{max(of(item, group) for item in found):.0e}" for of in (_coarse, _fine, _left)]
         worst = max(found, key=lambda item: item.left(group))
         powers = sorted(power for item in found if np.isfinite(power := item.order(group)))
-        told = ", ".join(f"{np.quantile(powers, share):.2f}" for share in (0.0, 0.05, 0.5, 0.95))
-        rows.append([group, *cells, f"{LEFT[group]:.0e}", ", ".join(worst.case.labels), told])
+        quantiles = ", ".join(f"{np.quantile(powers, share):.2f}" for share in (0.0, 0.05, 0.5, 0.95))
+        rows.append([group, *cells, f"{LEFT[group]:.0e}", ", ".join(worst.case.labels), quantiles])
     text = f"All {len(found)} cases, of which {sum(item.holds for item in found)} hold:"
     headings = (
         "group",
@@ -190,12 +190,12 @@ def bending(modes: Iterable[Bent], elements: Iterable[Bent], loads: Iterable[Ben
     return "\n\n".join(
         [
             "Modes kept, of a bare beam that is let go in a field: tip deflection and root strain against "
-            "exact elements. With all that matter what is left is the lumping of the masses.",
+            "exact elements. With enough modes the remaining difference is the lumping of the masses.",
             table(("modes:", "deflection:", "strain:"), first),
             "Elements, with a body of half the beam's mass or more at the tip:",
             table(("elements:", "deflection:"), second),
-            "Peak deflection over length: linear modes against large rotations. *Across* is beside the peak, "
-            "*along* (foreshortening, which linear modes have none of) beside the length.",
+            "Peak deflection over length: linear modes against large rotations. *Across* is relative to the "
+            "peak, *along* (foreshortening, which linear modes lack) to the length.",
             table(("deflection:", "across:", "along:"), third),
         ]
     )
@@ -212,8 +212,8 @@ def faults(found: Sequence[tuple[Fault, Caught | None]]) -> str:
         )
         rows.append([fault.engine, fault.what, *seen])
     count = sum(sight is not None for _, sight in found)
-    text = f"{count} of {len(found)} seeded faults are seen by the quick checks that every test run makes."
-    return f"{text}\n\n" + table(("engine", "fault", "seen first in", "of", "difference:"), rows)
+    text = f"{count} of {len(found)} seeded faults are detected by the quick checks of every test run."
+    return f"{text}\n\n" + table(("engine", "fault", "first detected in", "of", "difference:"), rows)
 
 
 def _power(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Robots of the cross-validation: small, without symmetries that would hide a term."""
+"""Robots of the cross-validation: small, without symmetries that could hide a term."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def chain(*, inner: str = "clamped", outer: str = "clamped", place: float = 1.0,
 
 
 def imported(mesh: str, *, boundary: str = "clamped", base: str = "free", modes: int = 4) -> Robot:
-    """The arm whose second link comes from a file of finite elements, with a light tool out on a node."""
+    """The arm whose second link comes from a file of finite elements, with a light tool on a node."""
     robot = flexible(base=base)
     roots: int | tuple[int, ...] = (0, 1, 2, 3) if mesh == "lattice" and boundary == "clamped" else 0
     place, tip = ((0.75, 0.2, 0.25), 18) if mesh == "lattice" else ((1.0, 0.0, 0.0), 8)

@@ -1,6 +1,6 @@
-"""A robot at one instant, in plain numbers, handed to both engines in their own terms.
+"""A robot at one instant, in plain numbers, converted to the state of each engine.
 
-Neither engine's code touches the other's: this module knows both and translates states, no physics.
+Neither engine uses the other's code: this module uses both and converts states, no physics.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ __all__ = ["State", "of_exudyn", "of_reference", "random_states"]
 
 Array = NDArray[np.float64]
 
-#: Passes through loads and friction, and the relative change that ends them.
+#: Iterations of loads and friction, and the relative change that ends them.
 PASSES, SETTLED = 200, 1e-15
-#: Steps over which rates are taken: the longest [s], and how many, each half as long as the one before.
+#: Steps for rates by differences: the longest [s], and their number, each half as long as the one before.
 LONGEST, LEVELS = 8e-6, 5
-#: Effects at joints that remember one number, with the law of the twin.
+#: Effects at joints with one memory value, with the law of the twin.
 REMEMBERING = {"lugre_friction": LuGreFriction, "actuator_lag": ActuatorLag}
 
 
@@ -109,7 +109,7 @@ def random_states(robot: Robot, count: int, *, seed: int = 1) -> Iterator[State]
 
 
 def of_reference(robot: Robot, states: list[State]) -> list[dict[str, Array]]:
-    """What the reference model says at each state; see `of_exudyn`."""
+    """Quantities of the reference model at each state; see `of_exudyn`."""
     plant, model, reference = Plant(robot), RobotModel(_bare(robot)), reference_function(robot)
     n = len(robot.moving_joints)
     found = []
@@ -149,8 +149,7 @@ def of_reference(robot: Robot, states: list[State]) -> list[dict[str, Array]]:
 def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundant") -> list[dict[str, Array]]:
     """The same from Exudyn: its mass matrix, forces and constraint forces, and the twin's laws.
 
-    Friction that depends on bearing loads and Exudyn's constraint forces are brought into agreement by
-    repeating one after the other.
+    Load-dependent friction and Exudyn's constraint forces are made consistent by alternating iteration.
     """
     found = []
     for state in states:
@@ -271,7 +270,7 @@ def _joint_state(robot: Robot, state: State, loads: list[float]) -> JointState:
 
 
 def _memories(forces: Forces, robot: Robot, state: State) -> list[list[tuple[float, ...]]]:
-    """What every law of every joint remembers."""
+    """Memory of every law of every joint."""
     effect = {kind: name for name, kind in REMEMBERING.items()}
     return [
         [
@@ -291,7 +290,7 @@ def _spread(robot: Robot, rows: int, joints: list[float], wrench: list[float]) -
 
 
 def _rates(forces: Forces, robot: Robot, state: State, now: JointState, command: list[float]) -> Array:
-    """Rates of what laws remember, from how they advance over two short steps at a state that stays."""
+    """Rates of the laws' memories, from their advance over two short steps at a constant state."""
     found = []
     for item in robot.effects:
         if item.effect not in REMEMBERING:

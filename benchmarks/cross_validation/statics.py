@@ -1,4 +1,4 @@
-"""Identical before anything moves: formulas of both engines at the same random states."""
+"""Formulas of both engines at the same random states, without motion."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Relative difference that rounding may leave of sums of some thousand products and of one matrix inverse.
+#: Relative rounding error of sums of some thousand products and of one matrix inverse.
 ROUNDING = 1e-11
-#: Quantities with a bound of their own.
+#: Quantities with a separate bound.
 BOUNDS = {
     # The smallest eigenvalue of the mass matrix is 1e-3 of the largest: what rounding leaves grows as much.
     "accelerations": 1e-10,
@@ -126,7 +126,7 @@ FRICTION: Mapping[str, tuple[str, Mapping[str, float]]] = {
 
 @dataclass(frozen=True)
 class Subject:
-    """What is compared.
+    """A comparison.
 
     Attributes:
         name: for the page.
@@ -158,12 +158,12 @@ class Agreement:
 
     @property
     def holds(self) -> bool:
-        """Whether the difference is within its bound; a difference that is no number is not."""
+        """Whether the difference is within its bound; NaN is not."""
         return self.worst <= self.bound
 
 
 def agreements(subject: Subject, *, seed: int = 1) -> list[Agreement]:
-    """Every quantity that both engines give at random states of a subject."""
+    """Every common quantity of both engines at random states of a subject."""
     robot = subject.robot
     states = list(random_states(robot, subject.states, seed=seed))
     ours = of_reference(robot, states)

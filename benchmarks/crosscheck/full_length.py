@@ -1,10 +1,10 @@
-"""Both engines over the whole reference motion of every shipped robot, written as a page of evidence.
+"""Both engines over the full reference motion of every shipped robot, written as a page of evidence.
 
     python -m benchmarks.crosscheck.full_length [ROBOT ...]
 
-Runs what `missing-physics crosscheck ROBOT` runs, with its settings, and keeps what it finds in
-`reports/crosscheck_full_length/ROBOT`; then writes `reports/evidence/crosscheck_full_length.md` of all robots
-that are there. With names only those are run anew. Ends with an error where a channel leaves its band. All
+Runs the same as `missing-physics crosscheck ROBOT`, with its settings, and stores the results in
+`reports/crosscheck_full_length/ROBOT`; then writes `reports/evidence/crosscheck_full_length.md` for all
+robots with results. With names only those are rerun. Ends with an error if a channel exceeds its band. All
 robots take ten minutes of one processor.
 """
 
@@ -28,18 +28,18 @@ __all__ = ["main", "page"]
 COMMAND = "python -m benchmarks.crosscheck.full_length"
 NAME = "crosscheck_full_length"
 FOLDER = ROOT / "reports" / NAME
-#: What is run, in this order.
+#: Runs, in this order.
 RUNS = ("reference", "Exudyn", "reference, coarser", "Exudyn, coarser")
 
 Result = Mapping[str, Any]
 
 
 class Clock(Steps):
-    """Takes the time of every run.
+    """Measures the time of every run.
 
     Attributes:
         seconds: wall and processor time of each, in the order of running.
-        notes: what was told besides.
+        notes: other messages.
     """
 
     def __init__(self, robot: str) -> None:
@@ -60,7 +60,7 @@ class Clock(Steps):
 
 
 def main(names: Sequence[str] = ()) -> int:
-    """Run, write the page, tell what leaves its band."""
+    """Run, write the page, report channels outside their band."""
     for name in names or shipped_robots():
         found = run(name)
         write_atomically(FOLDER / name / "crosscheck.json", json.dumps(found, indent=1) + "\n")
@@ -78,30 +78,30 @@ def main(names: Sequence[str] = ()) -> int:
 
 def run(name: str) -> Result:
     """One robot in both engines, each once more coarser; `comparison.rrd` besides."""
-    plan, told = plan_of(load_robot(name)), Clock(name)
-    ours, theirs = plan.reference(told), plan.exudyn(told)
-    coarser = plan.coarser(told, ours, theirs)
+    plan, clock = plan_of(load_robot(name)), Clock(name)
+    ours, theirs = plan.reference(clock), plan.exudyn(clock)
+    coarser = plan.coarser(clock, ours, theirs)
     comparison = compare(plan.robot, ours, theirs, coarser)
     write_crosscheck(plan.robot, comparison, FOLDER / name / "comparison.rrd")
     return {
         **report(plan.robot, comparison, plan.settings(coarser=bool(coarser))),
         "commit": commit(),
-        "seconds": dict(zip(RUNS, told.seconds)),
-        "notes": told.notes,
+        "seconds": dict(zip(RUNS, clock.seconds)),
+        "notes": clock.notes,
     }
 
 
 def page(every: Sequence[Result]) -> str:
-    """The whole page."""
+    """The complete page."""
     parts = [
         head("Full-length crosschecks", command=COMMAND),
         paragraph(
-            "Every shipped robot over the whole of its reference motion in the reference model and in",
-            "Exudyn, by the settings of `missing-physics crosscheck`: bodies and constraints, links by",
-            "modes, steps of at most 1 ms, each engine once more coarser, whose differences make the band",
-            "([docs/crosscheck.md](../../docs/crosscheck.md)). A channel is inside its band where no more",
-            "than a thousandth of its samples leave it. Range: greatest minus least value of the reference;",
-            "`-` where a channel does nothing beyond rounding or the engines' own errors.",
+            "Every shipped robot over its full reference motion in the reference model and in Exudyn, with",
+            "the settings of `missing-physics crosscheck`: bodies and constraints, links by modes, steps of",
+            "at most 1 ms, and a coarser run of each engine, whose differences define the band",
+            "([docs/crosscheck.md](../../docs/crosscheck.md)). A channel is inside its band if no more than",
+            "a thousandth of its samples exceed it. Range: greatest minus least value of the reference; `-`",
+            "where a channel does not change beyond rounding or the engines' own errors.",
         ),
         table(
             (
@@ -138,8 +138,8 @@ def _line(found: Result) -> list[str]:
 def _times(found: Result) -> list[str]:
     times = [found["seconds"].get(name) for name in RUNS]
     step = 1e3 * found["engines"]["exudyn"]["step"]
-    told = [f"{pair[0]:.1f} ({pair[1]:.1f})" if pair else "-" for pair in times]
-    return [found["robot"], f"{step:g}", *told, found["commit"]]
+    times_text = [f"{pair[0]:.1f} ({pair[1]:.1f})" if pair else "-" for pair in times]
+    return [found["robot"], f"{step:g}", *times_text, found["commit"]]
 
 
 def _channels(found: Result) -> str:

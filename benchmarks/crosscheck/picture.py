@@ -1,4 +1,4 @@
-"""The picture in docs/crosscheck.md: `python -m benchmarks.crosscheck.picture` makes it anew.
+"""The picture in docs/crosscheck.md: `python -m benchmarks.crosscheck.picture` regenerates it.
 
 It runs the crosscheck of the flexible space robot, and the rerun viewer takes a picture of its file without a
 screen; that needs a Vulkan driver, if only in software (Debian: mesa-vulkan-drivers). A few minutes.
@@ -25,25 +25,25 @@ from robot_model import load_robot
 __all__ = ["main", "photograph"]
 
 ROBOT = "flexible_space_robot"
-#: How much of the motion is run, and the instant that is shown [s]: link 2 is then being accelerated.
+#: Simulated duration, and the instant shown [s]: link 2 is accelerating then.
 DURATION, SHOWN = 6.0, 4.0
 TARGET = Path(__file__).parents[2] / "docs" / "crosscheck.png"
 WIDTH, HEIGHT = 1400, 900
-#: The viewer's own bars above and below [px], which say nothing of the robot.
+#: The viewer's own bars above and below [px], which are cropped.
 BARS = (37, 31)
-#: Of the picture: enough for a screen of few hues, in a third of the bytes.
+#: Colours of the picture: enough for the viewer's few hues, with a third of the bytes.
 COLOURS = 128
 PORT = 9911
-#: The viewer has loaded and put away its greetings after this [s], on a slow machine too.
+#: Time after which the viewer has loaded and closed its welcome screen [s], also on a slow machine.
 SETTLED = 25.0
 
 
 def main() -> None:
     """Run both engines, write the rerun file, take the picture."""
     plan = plan_of(load_robot(ROBOT), duration=DURATION)
-    with steps(quiet=False) as told:
-        ours, theirs = plan.reference(told), plan.exudyn(told)
-        comparison = compare(plan.robot, ours, theirs, plan.coarser(told, ours, theirs))
+    with steps(quiet=False) as reporter:
+        ours, theirs = plan.reference(reporter), plan.exudyn(reporter)
+        comparison = compare(plan.robot, ours, theirs, plan.coarser(reporter, ours, theirs))
     with TemporaryDirectory() as folder:
         write_crosscheck(plan.robot, comparison, Path(folder) / "comparison.rrd")
         photograph(Path(folder) / "comparison.rrd", TARGET, at=SHOWN)
@@ -54,7 +54,7 @@ def photograph(file: Path, target: Path, *, at: float) -> None:
     """A picture of a rerun file at an instant [s], as PNG."""
     viewer = [sys.executable, "-m", "rerun", "--headless", "--bind", "127.0.0.1", "--port", str(PORT)]
     size = ["--window-size", f"{WIDTH}x{HEIGHT}"]
-    # `python -m rerun` starts the viewer as a child of its own, which must end with it.
+    # `python -m rerun` starts the viewer as a child process, which must end with it.
     started = {"stderr": subprocess.DEVNULL, "start_new_session": True}
     with subprocess.Popen([*viewer, *size, str(file)], **started) as process:
         try:

@@ -1,7 +1,7 @@
-"""One effect alone, left out of a shipped robot that was varied: cases of `effects_study` and `hard_pairs`.
+"""Single effects missing in the file of a varied shipped robot: cases of `effects_study` and `hard_pairs`.
 
-Robots, motions, sensors and sizes are drawn as the blind challenge draws them; `effect_ranges` has the sizes
-of the effects that it does not hide yet.
+Robots, motions, sensors and parameters are drawn as in the blind challenge; `effect_ranges` has the ranges of
+effects that it does not hide yet.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-#: What a draw of a case may change of the robot before the effect's size is drawn.
+#: Change of the robot by a case, before the effect's parameters are drawn.
 Change = Callable[[Robot], Robot]
 
 #: Shorter and slower sampled than the challenge's, so that a hundred are simulated in reasonable time:
@@ -68,21 +68,21 @@ DURATIONS: Mapping[str, tuple[tuple[float, float], float]] = {
     "two_link_arm": ((10.0, 11.0), 250.0),
     "six_joint_space_arm": ((9.0, 10.0), 200.0),
 }
-#: Joint torques are looked at so often along a reference motion.
+#: Number of evaluations of joint torques along a reference motion.
 EVERY = 6
 #: Noise and resolution of a joint's thermometer [K].
 THERMOMETER = {"noise": 0.05, "resolution": 0.1}
 #: Recordings of robots with flexible links: duration [s] and rate [Hz].
 LENGTH, RATE = 10.0, 200.0
-#: How much wider robots with flexible links swing that shall show an effect: a beam stiffens as it slews.
+#: Factor on the motion of robots with flexible links for an observable effect: a beam stiffens in a slew.
 WIDER = {"centrifugal_stiffening": 6.0}
-#: Coulomb friction put where a modifier of friction needs some, over a hundredth of the actuator's limit.
+#: Coulomb friction added where a modifier of friction needs some, over a hundredth of the actuator's limit.
 FIRM_FRICTION = (1.0, 5.0)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A robot file and what it lacks.
+    """A robot file and its missing physics.
 
     Attributes:
         design: robot, hidden effect, both motions; as in the challenge.
@@ -94,7 +94,7 @@ class Case:
 
     @property
     def use(self) -> EffectUse:
-        """What is hidden."""
+        """The hidden effect."""
         return self.design.hidden[0]
 
     @cached_property
@@ -104,7 +104,7 @@ class Case:
 
     @cached_property
     def second(self) -> Recording:
-        """The one that is held out."""
+        """The held-out recording."""
         return self._run(self.design.real.model_copy(update={"reference": self.design.validation}))
 
     @property
@@ -121,7 +121,7 @@ class Case:
 
     @cached_property
     def recordings(self) -> tuple[Recording, Recording]:
-        """What the sensors say."""
+        """The recording of the sensors."""
         one, two = (
             measured(self.design.real, exact, seed=seed)
             for exact, seed in zip(self.exact, self.design.noise_seeds)
@@ -138,14 +138,14 @@ class Case:
 
     @property
     def truth(self) -> Mapping[str, float]:
-        """True values of what is hidden."""
+        """True parameters of the hidden effect."""
         return self.use.parameters
 
 
 def strength(case: Case, exact: Recording) -> float:
-    """How far what is hidden stands out in a recording from noise and credible errors of the nominal robot.
+    """Strength of the hidden effect in a recording over noise and credible errors of the nominal robot.
 
-    Where an effect has no regressors along a motion: the energy by which channels differ from the nominal
+    If an effect has no regressors along a motion: the energy of the difference of channels from the nominal
     robot's run, in units of the sensors' noise.
     """
     if has_regressors(case):
@@ -156,14 +156,14 @@ def strength(case: Case, exact: Recording) -> float:
 
 
 def distance(case: Case) -> float:
-    """The same from every rival no less simple, as the challenge judges it; infinite without regressors."""
+    """Distance to every rival no less simple, as in the challenge; infinite without regressors."""
     if not has_regressors(case):
         return np.inf
     return distances(ArmAlong(case.design.nominal, case.first), case.design.hidden)[case.design.labels[0]]
 
 
 def has_regressors(case: Case) -> bool:
-    """Whether what is hidden adds to the torques along a motion, as all that a challenge hides does."""
+    """Whether the hidden effect contributes to the torques along a motion, as all effects of a challenge."""
     effect = catalogue()[case.use.effect]
     return case.warming is None and not isinstance(effect, GearEffect) and effect.along_motion
 
@@ -186,14 +186,14 @@ def draw_case(
     change: Change | None = None,
     attempt: int = 0,
 ) -> Case:
-    """The case of that number, the same one every time.
+    """The case of that number, reproducible.
 
     Args:
-        effect: id of what is hidden.
-        number: from which all of it is drawn.
+        effect: id of the hidden effect.
+        number: seed of all draws.
         shipped: name of the robot that is varied.
-        quantity: at which an effect of a sensor sits, where it may sit at several; "brief" shortens an event.
-        change: of the varied robot, before anything of the effect is drawn.
+        quantity: of the channel of a sensor effect, where several are possible; "brief" shortens an event.
+        change: of the varied robot, before the effect is drawn.
         attempt: another draw of the same number.
     """
     d = Draw(np.random.default_rng([number, attempt, zlib.crc32(effect.encode())]))
@@ -240,7 +240,7 @@ def flexible_robot(shipped: str, d: Draw, *, wider: float = 1.0) -> tuple[Robot,
     Args:
         shipped: its name.
         d: draws.
-        wider: by how much swings are wider than those of the challenge.
+        wider: factor on the amplitudes of the challenge.
     """
     robot = load_robot(shipped)
     data = robot.model_dump(mode="python")
@@ -280,7 +280,7 @@ def _firm(scale: Scale, d: Draw) -> float:
 def _usual(
     robot: Robot, effect: str, scales: Mapping[str, Scale], quantity: str, d: Draw
 ) -> tuple[Robot, EffectUse]:
-    """An effect of the challenge, in its ranges; the robot without what stands in its place."""
+    """An effect of the challenge, in its ranges; the robot without conflicting effects."""
     joint = list(scales)[int(d.chance.integers(len(scales)))]
     scale = scales[joint]
     if effect in BODY:
@@ -304,7 +304,7 @@ def _usual(
 
 
 def with_motor_encoders(robot: Robot) -> Robot:
-    """An encoder at each motor beside the one at the joint, as good as that, where it has none."""
+    """An additional encoder at each motor without one, with the accuracy of the one at the joint."""
     own = [s for s in robot.sensors if s.channel.endswith(".position")]
     motors = [s.model_copy(update={"channel": s.channel.replace(".", ".motor_")}) for s in own]
     there = {s.channel for s in robot.sensors}

@@ -1,4 +1,4 @@
-"""What a study changes of a varied robot before an effect is hidden in it."""
+"""Changes of a varied robot by a study before an effect is hidden in it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _weightless(robot: Robot) -> Robot:
 
 
 def _blind_base(robot: Robot) -> Robot:
-    """Without gyro and attitude: momentum tells nothing."""
+    """Without gyro and attitude: momentum gives no information."""
     kept = tuple(sensor for sensor in robot.sensors if not sensor.channel.startswith("base."))
     return robot.model_copy(update={"sensors": kept})
 
@@ -26,7 +26,7 @@ def _frictionless(robot: Robot) -> Robot:
     return robot.model_copy(update={"effects": ()})
 
 
-#: By a word that a key can hold.
+#: Changes by key.
 CHANGES: Mapping[str, Callable[[Robot], Robot]] = MappingProxyType(
     {
         "motor encoders": with_motor_encoders,

@@ -1,13 +1,13 @@
-"""Effects that look alike, each hidden in turn, in recordings of another engine: what the diagnosis says.
+"""Diagnosis of effects that look alike, each hidden in turn, in recordings of another engine.
 
     python -m benchmarks.effects.hard_pairs [--first-seed 33200] [--draws 1] [--pairs N,N] [--processes 1]
         [--record] [--kept] [--out FILE]
 
-Cases are drawn, kept and judged as in `effects_study`. Every case has the number that its place in
-`PAIRS` gives it. Seeds 30110 to 30133 made the page of 20 and 21 November 2026 and were looked at, twice;
-what was learnt from them went into the diagnosis. Seeds 30400 to 30425 made the one after it, 30710 to 30735
-the next, 31010 to 31035 that of the 22nd. Those of the page now, from 33200 on, are for its last run only;
-10290 to 10291 served to see that the script works.
+Cases are drawn, stored and judged as in `effects_study`. The number of a case follows from its place in
+`PAIRS`. Seeds 30110 to 30133 made the page of 20 and 21 November 2026 and were inspected twice; the diagnosis
+was improved by them. Seeds 30400 to 30425 made the next page, 30710 to 30735 the one after it, 31010 to 31035
+that of the 22nd. Those of the present page, from 33200 on, are for its last run only; 10290 to 10291 were
+used to test the script.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["PAIRS", "Pair", "main"]
 
 COMMAND = "python -m benchmarks.effects.hard_pairs"
 PAGE = EVIDENCE / "hard_pairs.md"
-#: Arguments that decide what is on the page.
+#: Arguments that determine the content of the page.
 WORDS = ("first_seed", "draws", "pairs")
 #: Seeds of the page; every truth of a pair has its own.
 FIRST_SEED, DRAWS = 33200, 1
@@ -35,7 +35,7 @@ ARM, AXIS, SPACE = "two_link_arm", "single_axis", "six_joint_space_arm"
 
 @dataclass(frozen=True)
 class Truth:
-    """One side of a pair; `quantity` as of `effect_runs.Key`."""
+    """One side of a pair; `quantity` as in `effect_runs.Key`."""
 
     effect: str
     quantity: str = "torque"
@@ -43,14 +43,14 @@ class Truth:
 
 @dataclass(frozen=True)
 class Pair:
-    """Effects that can be taken for each other.
+    """Effects that can be confused with each other.
 
     Attributes:
         title: for people.
-        truths: each is hidden in turn.
-        robot: in which.
-        change: of it; key of `effect_changes.CHANGES`.
-        alike: nothing recorded tells them apart, so that the verdict must be `ambiguous` with all of them.
+        truths: effects hidden in turn.
+        robot: that hides them.
+        change: of the robot; key of `effect_changes.CHANGES`.
+        alike: no recording distinguishes them, so that the verdict must be `ambiguous` with all of them.
     """
 
     title: str
@@ -120,7 +120,7 @@ def keys(pair: Pair, first: int, draws: int) -> list[Key]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Record and diagnose what has not been, then write the page."""
+    """Record and diagnose missing cases, then write the page."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="Effects that look alike, each in turn.")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
     parser.add_argument("--draws", type=int, default=DRAWS, help="of each truth")

@@ -1,4 +1,4 @@
-"""What the page of `hard_pairs` says."""
+"""Text of the page of `hard_pairs`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from benchmarks.effects.runs import Key, Row
-from benchmarks.effects.text import absent, companions, covered, reason, said, strangers
+from benchmarks.effects.text import absent, companions, covered, finding_text, reason, strangers
 from benchmarks.evidence import head, number, table
 
 if TYPE_CHECKING:
@@ -15,24 +15,24 @@ if TYPE_CHECKING:
 __all__ = ["page"]
 
 INTRODUCTION = """\
-Effects that the catalogue says can be taken for one another, each hidden alone in turn, in recordings made by
-Exudyn and judged as in [effects.md](effects.md). *Said* is everything that the diagnosis names, with its
-probability and what it calls as possible; *rivals* are explanations that it fitted in the place of the
-finding, with the probability that is left to them."""
-ALIKE = "Nothing recorded tells them apart: the verdict must be `ambiguous`, and list each."
+Effects that can be confused according to the catalogue, each hidden alone in turn, in recordings made by
+Exudyn and judged as in [effects.md](effects.md). *Said* lists all names of the diagnosis, with probability
+and equally possible effects; *rivals* are explanations fitted in place of the finding, with their
+probability."""
+ALIKE = "The recordings do not distinguish them: the verdict must be `ambiguous`, and list each."
 #: Rivals less probable than this are not listed.
 WORTH_SHOWING = 1e-3
 
 
 def page(parts: Sequence[tuple[Pair, Sequence[Row]]], *, command: str, missing: Sequence[Key] = ()) -> str:
-    """The whole page, in Markdown; `missing` are cases that have not been run."""
-    told = [(pair, row) for pair, own in parts for row in own]
-    right = sum(_right(pair, row) for pair, row in told)
+    """The complete page, in Markdown; `missing` are cases that have not been run."""
+    answered = [(pair, row) for pair, own in parts for row in own]
+    right = sum(_right(pair, row) for pair, row in answered)
     found = [
         head("Hard pairs, each way round", command=command),
         INTRODUCTION,
-        f"{right} of {len(told)} answers are right.",
-        f"Seeds: {', '.join(str(row.key.number) for _, row in told)}.",
+        f"{right} of {len(answered)} answers are right.",
+        f"Seeds: {', '.join(str(row.key.number) for _, row in answered)}.",
         absent(missing),
         *(_section(pair, own) for pair, own in parts if own),
     ]
@@ -40,9 +40,9 @@ def page(parts: Sequence[tuple[Pair, Sequence[Row]]], *, command: str, missing: 
 
 
 def _right(pair: Pair, row: Row) -> bool:
-    """The hidden effect is named and nothing else, or listed beside its twin in the recorded channels.
+    """Only the hidden effect is named, or listed with its twin in the recorded channels.
 
-    Of effects that are alike, all are listed as such.
+    Indistinguishable effects must all be listed.
     """
     if pair.alike:
         stated = {label.split("@")[0] for f in row.findings for label in (f["effect"], *f["ambiguous_with"])}
@@ -77,7 +77,7 @@ def _line(pair: Pair, row: Row) -> list[str]:
         f"{row.label}: {true}",
         row.verdict,
         "yes" if _right(pair, row) else "no",
-        "; ".join(said(f) for f in row.findings) + beside or "nothing",
+        "; ".join(finding_text(f) for f in row.findings) + beside or "nothing",
         "; ".join(words for words, _ in covered(row)) or "-",
         rivals or "-",
     ]

@@ -1,7 +1,7 @@
-"""Sizes of the effects that the challenge draws otherwise, and all those that are not of one joint alone.
+"""Parameter ranges of effects that the challenge draws differently, and of those beyond a single joint.
 
-Relative to the robot and its motion, like `missing_physics.challenge.cases.ranges`; credible sizes are those
-that the catalogue's pages name.
+Relative to the robot and its motion, like `missing_physics.challenge.cases.ranges`; credible values are those
+of the catalogue.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robot_model import EffectUse, Robot
 
 __all__ = ["GEARS", "OTHERS", "warm_up"]
 
-#: Effects of a gear, which show between two encoders.
+#: Gear effects, observable between two encoders.
 GEARS = tuple(IN_GEARS)
 
 Values = Mapping[str, float]
@@ -27,7 +27,7 @@ Scales = Mapping[str, Scale]
 
 
 def warm_up(d: Draw, *, noise: float, resolution: float) -> tuple[EffectUse, Warming]:
-    """A motor warms its joint by 10 to 30 K within a recording; friction falls by 1 to 5 % per kelvin.
+    """A motor heats its joint by 10 to 30 K within a recording; friction decreases by 1 to 5 % per kelvin.
 
     `noise` and `resolution` are those of the thermometer at the joint [K].
     """

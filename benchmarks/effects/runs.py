@@ -1,7 +1,7 @@
-"""A case recorded, diagnosed and judged; each step kept on disk, so that an interrupted run goes on.
+"""A case recorded, diagnosed and judged; each step is stored on disk, so that a run can be continued.
 
-Recordings are kept apart from answers: they do not depend on the diagnosis. One that was made stays, with the
-commit at which the engine made it.
+Recordings are stored separately from answers: they do not depend on the diagnosis. Existing ones are reused,
+with the commit at which the engine made them.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_
 __all__ = ["Key", "Row", "improvement", "rows"]
 
 STORE = EVIDENCE.parent / "effects"
-#: What a recording depends on besides the engine, whose commit is kept with it, and an answer besides.
+#: Sources on which a recording depends besides the engine, whose commit is stored, and those of an answer.
 MADE_BY = ("effects/cases.py", "effects/ranges.py", "effects/changes.py")
 ANSWERED = ("robot_model", "reference_model", "missing_physics")
-#: Draws of a number until both recordings show the effect; one of robots whose links bend, which take long.
+#: Draws of a number until the effect is observable in both recordings; one for robots with flexible links.
 ATTEMPTS = 8
 
 
 @dataclass(frozen=True)
 class Key:
-    """What is drawn.
+    """Specification of a draw.
 
     Attributes:
-        effect: id of what is hidden.
+        effect: id of the hidden effect.
         number: of the case.
-        shipped: robots to draw from, in turn until the effect shows.
+        shipped: robots to draw from, in turn until the effect is observable.
         quantity: of a sensor's channel; "brief" for a short event.
         change: key of `CHANGES`; empty changes nothing.
     """
@@ -68,17 +68,17 @@ class Row:
     """A case judged.
 
     Attributes:
-        key: what was drawn.
-        robot, place: where it is hidden.
+        key: specification of the draw.
+        robot, place: of the hidden effect.
         truth: true values.
-        strength, distance: how far it stands out in the weaker recording, and from its nearest rival; see
+        strength, distance: of the effect in the weaker recording, and to its nearest rival; see
             `effect_cases`.
         verdict: of the answer, or "no recording" or "no answer".
         findings: of diagnosis.json.
         located: places of the mismatches beyond noise.
         place_right, name_right: as the challenge judges them.
-        in_set: whether the truth is among all that is stated.
-        improvement: fall of the held-out error over the true model's.
+        in_set: whether the truth is in the stated set.
+        improvement: reduction of the held-out error relative to the true model's.
         seconds: of the diagnosis.
         left: sentences of `could_not_tell`.
         message: why there is no answer.
@@ -109,29 +109,29 @@ class Row:
 
     @property
     def shown(self) -> bool:
-        """Whether both recordings show it at all."""
+        """Whether it is observable in both recordings."""
         return self.strength >= IDENTIFIABLE
 
     @property
     def identifiable(self) -> bool:
-        """Whether it can be told from every rival."""
+        """Whether it is distinguishable from every rival."""
         return self.shown and self.distance >= IDENTIFIABLE
 
 
 def rows(
     wanted: Sequence[Key], *, processes: int, only_record: bool = False, only_kept: bool = False
 ) -> list[Row]:
-    """All cases, those of an earlier run of the same sources included; or `only_kept` ones."""
+    """All cases, including those of an earlier run of the same sources; or only these (`only_kept`)."""
     if only_kept:
         return [row for key in wanted if (row := _kept(key)) is not None]
     if processes > 1:
         context = multiprocessing.get_context("spawn")
         with context.Pool(min(processes, os.cpu_count() or 1)) as pool:
-            return _told(pool.imap(_record if only_record else _row, wanted), len(wanted))
-    return _told(map(_record if only_record else _row, wanted), len(wanted))
+            return _reported(pool.imap(_record if only_record else _row, wanted), len(wanted))
+    return _reported(map(_record if only_record else _row, wanted), len(wanted))
 
 
-def _told(found: Iterator[Row], count: int) -> list[Row]:
+def _reported(found: Iterator[Row], count: int) -> list[Row]:
     done = []
     for row in found:
         done.append(row)
@@ -153,7 +153,7 @@ def _print(rooms: Sequence[str], files: Sequence[str] = ()) -> str:
 
 
 def _record(key: Key) -> Row:
-    """The recordings on disk, and a row that tells of them only."""
+    """Store the recordings on disk, and return a row for them only."""
     try:
         return replace(_recorded(key)[1], verdict="recorded")
     except InputError as error:
@@ -161,7 +161,7 @@ def _record(key: Key) -> Row:
 
 
 def _recorded(key: Key) -> tuple[Case, Row]:
-    """The first draw that both recordings show, or the last; simulated, or read from disk."""
+    """The first draw observable in both recordings, or the last; simulated, or read from disk."""
     folder = STORE / "recordings" / _print((), MADE_BY) / f"{key.name}-{_short(key)}"
     note = folder / "note.json"
     if note.is_file():
@@ -216,13 +216,13 @@ def _answer(key: Key) -> Path:
 
 
 def _kept(key: Key) -> Row | None:
-    """What an earlier run of the same sources found."""
+    """Results of an earlier run of the same sources."""
     path = _answer(key)
     return _row_of(json.loads(path.read_text("utf-8"))) if path.is_file() else None
 
 
 def _row(key: Key) -> Row:
-    """Recorded, diagnosed, judged; or what is kept."""
+    """Recorded, diagnosed, judged; or the stored row."""
     if (kept := _kept(key)) is not None:
         return kept
     path = _answer(key)
@@ -271,8 +271,8 @@ def _answered(key: Key) -> Row:
 
 
 def improvement(case: Case, given: Robot, augmented: Robot, recording: Recording) -> float | None:
-    """The answer's fall of the held-out error in closed loop over the true model's."""
-    if case.warming is not None:  # no simulation of the robot file knows how warm the joint was
+    """The answer's reduction of the held-out closed-loop error relative to the true model's."""
+    if case.warming is not None:  # no simulation of the robot file reproduces the joint temperature
         return None
     made = Concealed.of(case.design, [(exact.time, exact.channels) for exact in case.exact])
     try:

@@ -1,18 +1,18 @@
-"""Every effect of the catalogue, alone, in a recording of another engine: what the diagnosis says of it.
+"""Diagnosis of every single effect of the catalogue in recordings of another engine.
 
     python -m benchmarks.effects.study [--first-seed 34000] [--draws 3] [--effects ID,ID] [--processes 1]
         [--record] [--kept] [--out FILE]
 
-Recordings and answers are kept in `reports/effects/`, which git ignores, so that an interrupted run goes on
-where it stopped; what other sources made is made anew. `--record` only makes the recordings, `--kept` only
+Recordings and answers are stored in `reports/effects/`, which git ignores, so that an interrupted run can be
+continued; results of other sources are recomputed. `--record` only makes the recordings, `--kept` only
 writes the page. Seeds 10200 to 10299 are for development. Seeds 30000 to 30101 made the page of 21 November
-2026 and were looked at, 30600 to 30699, 30900 to 31001 and 31300 to 31416 those of the day after, 32000 to
-32106 that of the 23rd. 33000 to 33106 made pages on the 24th and 25th, by several programs: on the first
+2026 and were inspected, 30600 to 30699, 30900 to 31001 and 31300 to 31416 those of the day after, 32000 to
+32106 that of the 23rd. 33000 to 33106 made pages on the 24th and 25th, by several versions: on the first
 33081 had a wrong name above 0.9, on the second 33048 had no name, and 33096 had no answer for 36 minutes at
-first: an arm that rattles between its limit of torque and a stiff controller at 1 kHz takes ten seconds for
-each run along a recording, and the diagnosis wanted hundreds. These were looked into and corrected; such runs
-count for several since. Another run had called 33015 `consistent`, as recorded references rang at their
-kinks, which was found and corrected on 10215 and 10216, where it showed as well. Those of the page now, from
+first: an arm that rattles between its torque limit and a stiff controller at 1 kHz takes ten seconds for each
+run along a recording, and the diagnosis needed hundreds. These were investigated and corrected; such runs
+count as several since. Another run had given 33015 the verdict `consistent`, as recorded references
+oscillated at their kinks, which was found and corrected on 10215 and 10216. Those of the present page, from
 34000 on, are for one run only.
 """
 
@@ -32,12 +32,12 @@ __all__ = ["keys", "main"]
 
 COMMAND = "python -m benchmarks.effects.study"
 PAGE = EVIDENCE / "effects.md"
-#: Arguments that decide what is on the page.
+#: Arguments that determine the content of the page.
 WORDS = ("first_seed", "draws", "effects")
 #: Seeds of the page.
 FIRST_SEED, DRAWS = 34000, 3
 
-#: Robots in turn of the draws; the second of a pair serves where the effect cannot be told on the first.
+#: Robots of the draws in turn; the second of a pair is used if the effect is not identifiable on the first.
 ARM, AXIS, SPACE = "two_link_arm", "single_axis", "six_joint_space_arm"
 USUAL = ((ARM,), (AXIS, ARM), (ARM,))
 WITH_SPACE = ((ARM,), (AXIS, ARM), (SPACE, ARM))
@@ -60,16 +60,16 @@ ROBOTS = {
 #: Effects of joints, actuators and sensors that are also left out of this robot, after all others.
 BENT = "flexible_space_robot"
 ON_BENT = ("coulomb_friction", "viscous_friction", "external_torque", "torque_ripple", "sensor_delay")
-#: Quantities at which the effects of a sensor sit, in turn.
+#: Quantities of the channels of sensor effects, in turn.
 QUANTITIES = ("torque", "position", "torque")
 #: Gravity would hold the flanks of a gear together.
 CHANGED = {"backlash": "weightless", "gear_hysteresis": "weightless"}
 
 
 def keys(effects: Sequence[str], first: int, draws: int) -> list[Key]:
-    """The cases of these effects; each has its numbers whichever others are asked for."""
+    """The cases of these effects; their numbers do not depend on the other effects."""
     found, every = [], sorted(catalogue())
-    for draw in range(draws):  # every effect once before any is drawn again
+    for draw in range(draws):  # every effect once before any is repeated
         for place, effect in enumerate(every):
             if effect in effects:
                 turns = ROBOTS.get(effect, USUAL)
@@ -88,7 +88,7 @@ def keys(effects: Sequence[str], first: int, draws: int) -> list[Key]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Record and diagnose what has not been, then write the page."""
+    """Record and diagnose missing cases, then write the page."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="Every effect of the catalogue, alone.")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
     parser.add_argument("--draws", type=int, default=DRAWS, help="of each effect, three at most")

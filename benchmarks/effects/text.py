@@ -1,4 +1,4 @@
-"""What the page of `effects_study` says."""
+"""Text of the page of `effects_study`."""
 
 from __future__ import annotations
 
@@ -13,29 +13,28 @@ from missing_physics.challenge.scoring.shares import wilson
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["COMPANION", "absent", "companions", "covered", "page", "reason", "said", "strangers"]
+__all__ = ["COMPANION", "absent", "companions", "covered", "finding_text", "page", "reason", "strangers"]
 
 INTRODUCTION = f"""\
 Each effect of the catalogue is left out, alone, of a shipped robot that was varied as in the blind
 challenge (masses, lengths, rotors, friction, sensors, controller, motion). Exudyn moves the real robot;
 its sensors add noise, resolution and their own faults; the diagnosis gets the robot file without the
 effect and two recordings of other motions, one to fit and one that is only scored. Parameters are drawn
-over credible ranges, {ATTEMPTS} times at most, until the true model says that the effect stands out in
-both recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice a
-log-likelihood, `missing_physics/challenge/scoring/information.py`). An effect that lies as far from every
+over credible ranges, {ATTEMPTS} times at most, until by the true model the effect stands out in both
+recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice a
+log-likelihood, `missing_physics/challenge/scoring/information.py`). An effect with the same distance to every
 rival that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
-only be listed beside it. Effects without regressors along a motion (links, base, contact), gears and
+only be listed together with it. Effects without regressors along a motion (links, base, contact), gears and
 temperature must make the recordings differ from the nominal robot's simulations by as much; no rival is
-weighed. A diagnosis does not search for those of links, base and contact. Robots with links that bend are
-drawn once, since they take long to simulate; effects of joints, actuators and sensors on the one that flies
-come last. A case that does not stand out in both recordings is diagnosed all the same, and not counted."""
+considered. A diagnosis does not search for those of links, base and contact. Robots with links that bend are
+drawn once, since they take long to simulate; effects of joints, actuators and sensors on the free-flying one
+come last. A case that does not stand out in both recordings is also diagnosed, but not counted."""
 COLUMNS = """\
-*Place* is right where every hidden place is a finding's or, with nothing named, where the mismatch is
-located; *name* where the effect is named at its place, "in the set" where it is listed as an explanation
-that fits alike. *Beside* lists names that are not hidden there. *Share* is the fall of the held-out
-error, in closed loop, over the fall that the true robot reaches; "-" where the torques of nominal and
-true robot differ by less than 5 %, or where no simulation of a robot file can repeat what was done
-(warming)."""
+*Place* is right where every hidden place has a finding or, with nothing named, a located mismatch; *name*
+where the effect is named at its place, "in the set" where it is listed as an equally good explanation.
+*Beside* lists wrong additional names. *Share* is the reduction of the held-out closed-loop error relative to
+that of the true robot; "-" where the torques of nominal and true robot differ by less than 5 %, or where no
+simulation of a robot file can reproduce the recording (warming)."""
 #: A spring that the catalogue lets the flanks of a gear have of their own is named by its own effect.
 COMPANION = dict.fromkeys(GEARS[1:], "joint_elasticity")
 #: Words of a sentence of `could_not_tell`.
@@ -43,7 +42,7 @@ REFUSED = "is not named"
 
 
 def page(rows: Sequence[Row], *, command: str, missing: Sequence[Key] = ()) -> str:
-    """The whole page, in Markdown; `missing` are cases that have not been run."""
+    """The complete page, in Markdown; `missing` are cases that have not been run."""
     parts = [head("Every effect, alone", command=command), INTRODUCTION, _seeds(rows), absent(missing)]
     parts += [_summary(rows), COLUMNS]
     parts += ["## Effect by effect", *(_section(effect, own) for effect, own in _by_effect(rows).items())]
@@ -58,7 +57,7 @@ def _seeds(rows: Sequence[Row]) -> str:
 
 
 def absent(missing: Sequence[Key]) -> str:
-    """Which cases the page does not have."""
+    """Cases missing on the page."""
     if not missing:
         return ""
     names = ", ".join(f"{key.number} ({key.effect})" for key in sorted(missing, key=lambda key: key.number))
@@ -73,7 +72,7 @@ def _by_effect(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def _summary(rows: Sequence[Row]) -> str:
-    """Counts over all cases in which the effect shows."""
+    """Counts over all cases in which the effect is observable."""
     shown = [row for row in rows if row.shown]
     able = [row for row in shown if row.identifiable]
     twins = [row for row in shown if not row.identifiable]
@@ -97,8 +96,8 @@ def _summary(rows: Sequence[Row]) -> str:
     failed = [effect for effect, own in _by_effect(able).items() if not all(r.name_right for r in own)]
     words = f"Identifiable and not named in every case: {', '.join(failed)}." if failed else ""
     unable = [f"{row.key.number} ({row.key.effect})" for row in rows if not row.shown]
-    told = f"Not counted, for reasons that stand with each case: {', '.join(unable)}." if unable else ""
-    return table(["", "cases (95 % interval):"], counts) + "\n\n" + paragraph(words, told)
+    note = f"Not counted, for reasons that stand with each case: {', '.join(unable)}." if unable else ""
+    return table(["", "cases (95 % interval):"], counts) + "\n\n" + paragraph(words, note)
 
 
 def _share(hits: int, count: int) -> str:
@@ -107,7 +106,7 @@ def _share(hits: int, count: int) -> str:
 
 
 def _weighed(effect: str) -> bool:
-    """Whether a diagnosis looks for it."""
+    """Whether a diagnosis searches for it."""
     found = catalogue()[effect]
     return found.is_searched or found.turns_base
 
@@ -116,14 +115,14 @@ def _section(effect: str, rows: Sequence[Row]) -> str:
     headings = ["case", "robot, place", "true", "verdict", "place", "name", "probability:", "estimates"]
     headings += ["beside", "share:", "time:"]
     lines = [_line(row) for row in rows]
-    reasons = [f"- {row.key.number}: {words}" for row in rows if (words := _told(row))]
+    reasons = [f"- {row.key.number}: {words}" for row in rows if (words := _remark(row))]
     return "\n\n".join(filter(None, [f"### {effect}", table(headings, lines), "\n".join(reasons)]))
 
 
 def _line(row: Row) -> list[str]:
     own = _own(row)
     true = ", ".join(f"{name} {number(value)}" for name, value in row.truth.items() if value)
-    beside = "; ".join(said(finding) for finding in strangers(row))
+    beside = "; ".join(finding_text(finding) for finding in strangers(row))
     counted = "" if row.shown else ", not counted"
     return [
         str(row.key.number),
@@ -145,7 +144,7 @@ def _own(row: Row) -> Mapping[str, Any] | None:
 
 
 def companions(row: Row) -> list[Mapping[str, Any]]:
-    """Findings that say a part of what is hidden by a name of its own."""
+    """Findings that name a part of the hidden effect separately."""
     name = COMPANION.get(row.key.effect)
     return [f for f in row.findings if (f["effect"], f["location"]) == (name, row.place)]
 
@@ -157,7 +156,7 @@ def strangers(row: Row) -> list[Mapping[str, Any]]:
 
 
 def covered(row: Row) -> Iterator[tuple[str, bool | None]]:
-    """Every estimate of what is hidden in words, and whether the truth lies inside its interval."""
+    """Every estimate of the hidden effect in words, and whether the truth is inside its interval."""
     for finding in [f for f in (_own(row), *companions(row)) if f is not None]:
         for name, item in finding["parameters"].items():
             low, high = item["ci95"]
@@ -166,12 +165,12 @@ def covered(row: Row) -> Iterator[tuple[str, bool | None]]:
                 yield f"{name} {number(item['value'])}", None
                 continue
             inside = bool(low <= true <= high)
-            told = "" if inside else ", truth outside"
-            yield f"{name} {within_text(item['value'], (low, high))}{told}", inside
+            note = "" if inside else ", truth outside"
+            yield f"{name} {within_text(item['value'], (low, high))}{note}", inside
 
 
-def said(finding: Mapping[str, Any]) -> str:
-    """Name, place, probability and what is called as possible."""
+def finding_text(finding: Mapping[str, Any]) -> str:
+    """Name, place, probability and equally possible effects."""
     rivals = ", ".join(finding["ambiguous_with"])
     words = f"{finding['effect']}@{finding['location']} {finding['probability']:.3g}"
     return f"{words} (or {rivals})" if rivals else words
@@ -184,7 +183,7 @@ def _kin(row: Row, finding: Mapping[str, Any]) -> bool:
     return same and named.rung < true.rung
 
 
-def _told(row: Row) -> str:
+def _remark(row: Row) -> str:
     """The reason, and that the case is not counted where it is not."""
     words = reason(row)
     if row.shown or not words:
@@ -193,14 +192,14 @@ def _told(row: Row) -> str:
 
 
 def reason(row: Row) -> str:
-    """Why a case is not as it should be, from what the answer itself says; empty where it is."""
+    """Why a case is not right, according to the answer itself; empty if it is right."""
     if row.message:
         return row.message.strip().splitlines()[-1]
     missed = [words.split(" ")[0] for words, inside in covered(row) if inside is False]
     outside = f"The interval of {' and '.join(missed)} misses the truth." if missed else ""
     if not row.shown:
-        faint = f"one of the two recordings shows it by {number(row.strength)} only, says the true model,"
-        return paragraph(f"{faint} and {IDENTIFIABLE:g} are needed in both.", outside)
+        faint = f"by the true model its strength in one of the two recordings is {number(row.strength)} only,"
+        return paragraph(f"{faint} and {IDENTIFIABLE:g} is needed in both.", outside)
     if row.name_right and not strangers(row):
         return outside
     own = [s for s in row.left if REFUSED in s and row.place.split(".")[0] in s]
@@ -211,8 +210,8 @@ def reason(row: Row) -> str:
     if not row.identifiable:
         return "A twin in the recorded channels is named without it: the answer should list both."
     if not _weighed(row.key.effect):
-        told = "and something else is named" if row.findings else "and nothing else is named in its place"
-        return f"A diagnosis does not weigh this effect yet, {told}."
+        note = "and something else is named" if row.findings else "and nothing else is named in its place"
+        return f"A diagnosis does not weigh this effect yet, {note}."
     if any(_kin(row, finding) for finding in row.findings):
         return paragraph(
             "A simpler law of its family is named: the diagnosis found no need for more.", *own[:1]

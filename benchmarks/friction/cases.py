@@ -1,7 +1,7 @@
-"""Robots, friction, manoeuvres and controllers of the friction study; all figures are this project's own.
+"""Robots, friction, manoeuvres and controllers of the friction study; all values are this project's own.
 
-The paper's simulation figures are not known. The robot is the shipped `flexible_space_robot`; its friction is
-replaced by that of the case, with the figures below.
+The paper's simulation parameters are not known. The robot is the shipped `flexible_space_robot`; its friction
+is replaced by that of the case, with the values below.
 """
 
 from __future__ import annotations
@@ -56,29 +56,29 @@ __all__ = [
 ]
 
 JOINTS = ("joint1", "joint2")
-#: What the study compares with a robot without friction.
+#: Friction laws compared with a robot without friction.
 LAWS = ("Coulomb", "Stribeck", "LuGre")
 #: Elements and modes of link 2: with the joints free, the fourth frequency is within 1 % of a converged one.
 ELEMENTS, MODES = 24, 6
-#: A bearing so long [m] that a bending moment costs it no force: the joint of a planar model.
+#: A bearing so long [m] that a bending moment causes no force: the joint of a planar model.
 NO_BENDING = 1e12
 #: Friction coefficients of the bearings, kinetic and static [-].
 MU_KINETIC, MU_STATIC = 0.10, 0.15
-#: Radius at which the bearings rub, the `radial_arm` of the shipped robots [m].
+#: Friction radius of the bearings, the `radial_arm` of the shipped robots [m].
 RADIUS = 0.04
 #: Bristles at that radius: stiffness [1/m], damping and viscosity [s/m], Stribeck speed [m/s].
 SIGMA = (1e5, 316.0, 0.4)
 STRIBECK_SPEED = 1e-3
-#: A Stribeck speed at which integral action does not come to rest [m/s].
+#: A Stribeck speed at which integral action causes a limit cycle [m/s].
 SLOW_STRIBECK_SPEED = 3e-5
 #: Preload of the cases that have one: the largest bearing load of the fast manoeuvre, base held [N m].
 PRELOAD = 30.0
-#: Both joints: where they go [rad], and the amplitude [rad] and frequency [Hz] of the reversals.
+#: Both joints: displacements [rad], and amplitude [rad] and frequency [Hz] of the reversals.
 DISPLACEMENTS = {"joint1": radians(30), "joint2": radians(-45)}
 AMPLITUDE, FREQUENCY = radians(5), 0.05
 #: Motions, holds after them (the long one for integral action), and length of the reversals [s].
 FAST, SLOW, HOLD, WAIT, REVERSALS = 10.0, 120.0, 10.0, 190.0, 60.0
-#: Samples of the recording; the link's second pair of modes, 46 Hz with the joint free, still shows [Hz].
+#: Sampling rate; the link's second pair of modes, 46 Hz with the joint free, is still resolved [Hz].
 SAMPLE_RATE, SLOW_RATE = 100.0, 50.0
 #: Bandwidth w of the controllers, with the gains w^2 and 2 w: of rigid computed torque and of PID a fifth of
 #: the clamped link's first frequency; of full computed torque and of the held base free choices [rad/s].
@@ -99,15 +99,15 @@ class Case:
         friction: "none", or one of `LAWS`.
         manoeuvre: "fast", "slow", "reversals" or "wait".
         base: "free" or "held".
-        preload: of each bearing, a load moment that is always there [N m].
+        preload: of each bearing, a constant load moment [N m].
         level: multiplies all friction.
         control: "rigid" or "full" computed torque, or "pid" with gains times the joints' inertia.
         stribeck: surface speed at which bearings leave static friction [m/s].
         static: friction coefficient at rest of Stribeck's and LuGre's laws [-].
-        joint: "spatial", whose bearings carry force and bending moment, or "planar", which knows the radial
-            force alone, as a planar model of the joint does.
+        joint: "spatial", whose bearings carry force and bending moment, or "planar", with the radial force
+            only, as in a planar model of the joint.
         elements, modes: of link 2.
-        bandwidth: of the joints' controller [rad/s]; 0 takes that of `BANDWIDTH`.
+        bandwidth: of the joints' controller [rad/s]; 0 means that of `BANDWIDTH`.
     """
 
     friction: str
@@ -125,7 +125,7 @@ class Case:
     modes: int = MODES
 
     def but(self, **changes: object) -> Case:
-        """The same with some of it changed."""
+        """The same with some attributes changed."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
     @property
@@ -142,7 +142,7 @@ class Case:
             "reference": self._reference(),
             "controller": self._controller(robot),
             "sensors": (),
-            "effects": self._effects(),  # instead of the friction that it is shipped with
+            "effects": self._effects(),  # instead of the shipped friction
             "links": tuple(self._link(link) for link in robot.links),
             "joints": tuple(self._joint(joint) for joint in robot.joints),
         }
@@ -236,9 +236,9 @@ def effective_inertia(name: str, *, flexible: bool = False) -> NDArray[np.float6
 
 @cache
 def run(case: Case) -> Recording:
-    """Its true channels; laws without a state stick and slip exactly, save under exact decoupling.
+    """Its true channels; laws without a state stick and slip exactly, except under exact decoupling.
 
-    There the motion may run away, and a smoothed law says so soonest.
+    There the motion may diverge, which a smoothed law detects soonest.
     """
     exact = case.friction in ("Coulomb", "Stribeck") and case.control != "full"
     return simulate(case.robot, sensors=False, stiction=exact, **TOLERANCES)

@@ -1,7 +1,7 @@
-"""What the paper's abstract and introduction say of friction, held against the simulations of the study.
+"""Statements on friction in the paper's abstract and introduction, compared with the study's simulations.
 
-Each claim gives a verdict and the numbers it rests on; both are computed. A claim holds here for this
-robot, these controllers and these figures of friction, all of which are this project's own.
+Each claim gives a verdict and its supporting numbers; both are computed. A claim holds here for this robot,
+these controllers and these friction parameters, all of which are this project's own.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from benchmarks.friction.measures import Measures, error, measures
 __all__ = ["claims", "hunting_cases"]
 
 MILLI = 1e3
-#: Friction matters for a quantity when it makes it so many times as large as without friction.
+#: Friction matters for a quantity when it increases it by this factor relative to no friction.
 MANY = 2.0
-#: And when what it makes is above this: a tenth of a millimetre at the tip [m].
+#: And when the result is above this: a tenth of a millimetre at the tip [m].
 SEEN = 1e-4
-#: A limit cycle keeps this part of its size from the second to the last quarter of the hold.
+#: A limit cycle keeps this fraction of its amplitude from the second to the last quarter of the hold.
 KEPT = 0.8
 #: A smaller swing is rest [rad].
 AWAKE = 1e-4
-#: An error that is larger by more than this part is another error.
+#: Errors that differ by more than this fraction are different.
 MATTERS = 0.02
 EQUAL = "LuGre, equal coefficients"
-#: Comparisons of two laws: what the one adds to the other.
+#: Comparisons of two laws: difference of the first from the second.
 STATIC = "Stribeck over Coulomb (the static coefficient)"
 STATE = "LuGre over Stribeck (the state)"
 BARE_STATE = "LuGre with equal coefficients over Coulomb (the state)"
@@ -59,7 +59,7 @@ def _pairs(preload: float = PRELOAD) -> Iterator[tuple[Case, Measures, Measures]
                 yield case, measures(case), bare
 
 
-def _told(case: Case) -> str:
+def _case(case: Case) -> str:
     return f"{case.friction}, {case.manoeuvre}, base {case.base}"
 
 
@@ -75,8 +75,8 @@ def _joints() -> tuple[str, str, str]:
         verdict,
         f"Above 0.5 Hz the joint error more than doubles in {share} of {len(found)} cases with preload "
         "and in "
-        f"{part} of {len(light)} without. Largest: {number(MILLI * most)} mrad rms ({_told(case)}) against "
-        f"{number(MILLI * without)} mrad without friction: small against the error that friction leaves.",
+        f"{part} of {len(light)} without. Largest: {number(MILLI * most)} mrad rms ({_case(case)}) against "
+        f"{number(MILLI * without)} mrad without friction: small compared with the error due to friction.",
     )
 
 
@@ -97,7 +97,7 @@ def _link() -> tuple[str, str, str]:
         verdict,
         f"Vibration above 0.5 Hz more than doubles in {share} of {len(found)} cases with preload. In "
         "reversals, "
-        f"where every stop and break-away strikes the link, {number(MILLI * turning)} mm rms ({_told(case)}) "
+        f"where every stop and break-away strikes the link, {number(MILLI * turning)} mm rms ({_case(case)}) "
         f"against {number(MILLI * bare)} mm without friction; in the slow motion at most "
         f"{number(MILLI * slow)} mm. "
         "It grows with the controller's bandwidth: in the fast manoeuvre at 3 rad/s, base held, with "
@@ -117,7 +117,7 @@ def _precision() -> tuple[str, str, str]:
     return (
         claim,
         "holds",
-        f"Final error {number(MILLI * max(map(abs, with_.final.values())))} mrad ({_told(case)}) against "
+        f"Final error {number(MILLI * max(map(abs, with_.final.values())))} mrad ({_case(case)}) against "
         f"{number(MILLI * max(map(abs, bare.final.values())))} mrad without friction; tracking error "
         f"{number(MILLI * max(with_.tracking.values()))} mrad rms against "
         f"{number(MILLI * max(bare.tracking.values()))} mrad. Without preload the friction goes when the "
@@ -141,7 +141,7 @@ def _features() -> tuple[str, str, str]:
     found = {name: features(one, "joint2") for name, one in cases.items()}
     falling = found["Stribeck"].stribeck > 1.05 > found["Coulomb"].stribeck
     bristles = found[EQUAL].travel > MANY * found["Stribeck"].travel
-    told = "; ".join(
+    ranges = "; ".join(
         f"{name}: {number(f.stribeck)}, {number(f.breakaway)}, {number(1e6 * f.travel)} microrad, "
         f"{number(f.loop)}"
         for name, f in found.items()
@@ -150,7 +150,7 @@ def _features() -> tuple[str, str, str]:
         claim,
         "holds, for two reasons" if falling and bristles else "holds in part",
         "Joint 2, base free, reversals; slow over fast sliding, largest coefficient, way after a reversal "
-        f"until friction is built up, difference between the branches at the same slow speed: {told}. The "
+        f"until friction is built up, difference between the branches at the same slow speed: {ranges}. The "
         "fall from static to kinetic friction is a matter of the coefficients, which Stribeck's law has "
         "without a state; pre-sliding and hysteresis are the state's.",
     )
@@ -162,7 +162,7 @@ def _low_speed() -> tuple[str, str, str]:
         manoeuvre: {name: _tracking(one) / _tracking(below) - 1 for name, (one, below) in _steps(manoeuvre)}
         for manoeuvre in ("fast", "slow")
     }
-    told = "; ".join(
+    ranges = "; ".join(
         f"{name} {percent(excess['slow'][name], 1)} slow, {percent(excess['fast'][name], 1)} fast"
         for name in excess["slow"]
     )
@@ -174,16 +174,16 @@ def _low_speed() -> tuple[str, str, str]:
     return (
         claim,
         f"{verdict} {' and '.join(parts) or 'errors'}{'' if state else ', not for the internal state'}",
-        f"Excess of tracking error (joint 1, base free, preload): {told}. What a law with a static "
-        "coefficient adds to Coulomb's error is that coefficient; with equal coefficients LuGre's error is "
-        "Coulomb's. Link vibration in the slow motion is "
+        f"Excess of tracking error (joint 1, base free, preload): {ranges}. The excess of a law with a "
+        "static coefficient over Coulomb's error is due to that coefficient; with equal coefficients LuGre's "
+        "error is Coulomb's. Link vibration in the slow motion is "
         f"{number(MILLI * slow.vibration)} mm, and without preload low speed takes the load away with "
         f"the accelerations: tracking error {number(MILLI * light.tracking['joint1'])} mrad.",
     )
 
 
 def _steps(manoeuvre: str) -> Iterator[tuple[str, tuple[Case, Case]]]:
-    """What is compared with what, so that each part of a law stands alone."""
+    """Pairs of cases that isolate each part of a law."""
     coulomb = Case("Coulomb", manoeuvre, preload=PRELOAD)
     stribeck, lugre = coulomb.but(friction="Stribeck"), coulomb.but(friction="LuGre")
     yield STATIC, (stribeck, coulomb)
@@ -220,14 +220,14 @@ def _limit_cycle() -> tuple[str, str, str]:
     claim = "Stick-slip and limit cycles (introduction)."
     swings = {name: _swing(case) for name, case in hunting_cases().items()}
     lasting = [n for n, (early, end, turns) in swings.items() if end > max(KEPT * early, AWAKE) and turns > 1]
-    told = "; ".join(
+    ranges = "; ".join(
         f"{name}: {number(MILLI * early)} then {number(MILLI * end)} mrad"
         for name, (early, end, _) in swings.items()
     )
     return (
         claim,
         "holds with integral action" if lasting and "none" not in lasting else "does not hold",
-        f"Range of joint 2's error in the second and the last quarter of the hold under PID: {told}. It "
+        f"Range of joint 2's error in the second and the last quarter of the hold under PID: {ranges}. It "
         "goes on "
         f"with {' and '.join(lasting) or 'no law'} only; the others come to rest, slowly: it is the speed at "
         "which friction leaves its static level that keeps it going, with a state or without one. Computed "

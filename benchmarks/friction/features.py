@@ -1,4 +1,4 @@
-"""How friction hangs on velocity and displacement around reversals: what one law shows and another not."""
+"""Dependence of friction on velocity and displacement around reversals, law by law."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ __all__ = ["Features", "coefficient", "features", "reversal_windows"]
 
 Array = NDArray[np.float64]
 
-#: Friction is built up when it has reached this part of its level at break-away.
+#: Friction is built up when it has reached this fraction of its level at break-away.
 BUILT_UP = 0.9
-#: Speeds at which the branches before and after a reversal are compared, as parts of the highest.
+#: Speeds at which the branches before and after a reversal are compared, relative to the highest.
 COMPARED = np.linspace(0.01, 0.1, 41)
-#: What counts as slow and as fast sliding, as parts of the highest speed.
+#: Limits of slow and of fast sliding, relative to the highest speed.
 SLOW, QUICK = (0.05, 0.2), 0.95
-#: A reversal's surroundings, as parts of the period: so far the joint is looked at on either side of it.
+#: Window around a reversal, as a fraction of the period on either side.
 SIDE = 0.2
 
 
@@ -28,7 +28,7 @@ class Features:
     """Numbers of one joint in reversing motion, means over its reversals; friction per load, so without unit.
 
     Attributes:
-        travel: way from the reversal until friction is built up, pre-sliding displacement [rad].
+        travel: displacement from the reversal until friction is built up, pre-sliding [rad].
         loop: largest difference of the coefficient at the same slow speed before and after the reversal [-].
         stribeck: mean coefficient of slow over that of fast sliding [-].
         breakaway: largest coefficient [-].
@@ -47,9 +47,9 @@ def coefficient(case: Case, joint: str) -> Array:
 
 
 def reversal_windows(case: Case, joint: str) -> list[tuple[slice, int]]:
-    """Samples around each reversal of the reference after the first period, and where the joint first turns.
+    """Samples around each reversal of the reference after the first period, and the joint's first reversal.
 
-    It may stick and turn several times; the second of a pair is the last sample before the first turn.
+    It may stick and reverse several times; the second of a pair is the last sample before the first reversal.
     """
     found = run(case)
     time, velocity, rate = found.time, found[f"{joint}.velocity"], found[f"{joint}.reference_velocity"]

@@ -1,4 +1,4 @@
-"""What the friction study measures on one simulation."""
+"""Measures of the friction study for one simulation."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["Measures", "deflection", "error", "measures", "spectrum"]
 
 Array = NDArray[np.float64]
 
-#: What is faster than this is oscillation and not the loop's own settling, which is at 0.16 Hz [Hz].
+#: Limit between the loop's own settling, at 0.16 Hz, and oscillation [Hz].
 OSCILLATION = 0.5
-#: Over so much of the end a final value is the mean [s].
+#: Final interval over which a final value is averaged [s].
 FINAL = 1.0
 
 
@@ -36,7 +36,7 @@ class Measures:
         residual: the same after the motion; of a manoeuvre without a hold, over the last half [m].
         peak: the tip's largest transverse deflection [m].
         friction, load: largest friction torque and bearing load W [N m].
-        turned: angle by which the base ends turned from its initial attitude [rad].
+        turned: final rotation of the base from its initial attitude [rad].
         momentum: largest total momentum of a run that starts at rest, linear [N s] and angular [N m s].
     """
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 COLOURS = {"none": HELD_OUT, "Coulomb": BEFORE, "Stribeck": FORWARDS, "LuGre": AFTER}
 #: One more for the laws that leave static friction at a lower speed.
 LAST = "#E69F00"
-#: How much is shown around a reversal: of displacement [mrad] and of velocity [mrad/s].
+#: Range shown around a reversal: displacement [mrad] and velocity [mrad/s].
 NEAR_PLACE, NEAR_SPEED = 0.6, 3.0
 #: Frequencies that are shown in spectra [Hz].
 LOWEST, HIGHEST = 0.5, 8.0

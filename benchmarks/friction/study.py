@@ -1,9 +1,9 @@
-"""What joint friction does to the flexible space robot: the claims of the paper's abstract, tried here.
+"""Influence of joint friction on the flexible space robot: tests of the claims of the paper's abstract.
 
     python -m benchmarks.friction.study
 
 Simulates the shipped robots with the reference model and writes `reports/evidence/friction_study.md` and its
-pictures beside it. Takes some minutes.
+pictures. Takes some minutes.
 """
 
 from __future__ import annotations
@@ -45,26 +45,26 @@ COMMAND = "python -m benchmarks.friction.study"
 NAME = "friction_study"
 MILLI = 1e3
 SHOWN = ("none", *LAWS)
-#: Multiples of the friction that meet exact decoupling.
+#: Multiples of the friction under exact decoupling.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3)
-#: Bandwidths that meet friction [rad/s].
+#: Controller bandwidths with friction [rad/s].
 BANDWIDTHS = (1.0, 2.0, 3.0)
 
 INTRODUCTION = """\
 Liu, Li, Wang, Cai, *Dynamics analysis of flexible space robot with joint friction*, Aerospace Science
-and Technology 47 (2015) 164-176, say in their abstract that joint friction can cause oscillation of the
+and Technology 47 (2015) 164-176, state in their abstract that joint friction can cause oscillation of the
 joint response and vibration of the flexible link and affect the precision of position control, and that
-the Coulomb model is limited in describing friction's nonlinear features. This page tries these
-sentences, and some of the introduction, on the robot shipped here as `flexible_space_robot`. **All
-figures of robot, friction, control and motion are this project's own; the paper's are not known, and no
-number here is the paper's.**"""
+the Coulomb model is limited in describing friction's nonlinear features. This page tests these
+statements, and some of the introduction, on the robot shipped here as `flexible_space_robot`. **All
+parameters of robot, friction, control and motion are this project's own; the paper's are not known, and
+no number here is the paper's.**"""
 
 SETTING = """\
 Base 1000 kg, rigid link 1 of 5 m, flexible link 2 of 6 m, payload 50 kg; joint 2's axis is inclined to
 joint 1's (skewed), or parallel to it (planar robot). *Fast*: joints 1 and 2 by 30 and -45 degrees on a
 cycloid of 10 s, then 10 s of hold. *Slow*: the same in 120 s. *Reversals*: both joints on a sine of 5
-degrees at 0.05 Hz for 60 s. The base floats, or is held by the controller. The friction that the robots
-are shipped with is replaced by the figures below. Friction follows the bearing load W that the
+degrees at 0.05 Hz for 60 s. The base floats, or is held by the controller. The friction of the shipped
+robots is replaced by the values below. Friction follows the bearing load W that the
 simulation computes from the joint's reaction forces and moments; *preload* adds a constant load to W.
 Three laws: Coulomb's has one coefficient, the kinetic one; Stribeck's has the static one near rest and
 falls to the kinetic one with speed; LuGre's has both, and bristles, which are a state. The first two
@@ -111,11 +111,11 @@ def main() -> None:
 def _figures() -> str:
     rows = [
         ("kinetic and static friction coefficient", f"{MU_KINETIC:g}, {MU_STATIC:g}"),
-        ("bearings rub at a radius of", f"{RADIUS:g} m"),
+        ("friction radius of the bearings", f"{RADIUS:g} m"),
         ("bristle stiffness, damping, viscosity", f"{SIGMA[0]:g} 1/m, {SIGMA[1]:g} s/m, {SIGMA[2]:g} s/m"),
         ("Stribeck speed; the lower one", f"{STRIBECK_SPEED:g} m/s; {SLOW_STRIBECK_SPEED:g} m/s"),
         (
-            "preload, where there is one",
+            "preload, if any",
             f"{PRELOAD:g} N m, so {MU_KINETIC * PRELOAD:g} N m of kinetic friction",
         ),
         ("computed torque with the rigid model", _gains(BANDWIDTH["rigid"])),

@@ -1,4 +1,4 @@
-"""What the number of modes of the flexible link is worth: free frequencies, and what the study measures."""
+"""Influence of the number of modes of the flexible link on free frequencies and on the study's measures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_model import Robot
 __all__ = ["free_frequencies", "truncation"]
 
 MILLI = 1e3
-#: Elements and modes of the shipped robots, of the study, and of what counts as converged.
+#: Elements and modes of the shipped robots, of the study, and of the converged solution.
 SHIPPED, CONVERGED = (12, 4), (96, 24)
 MESHES = (SHIPPED, (12, 6), (ELEMENTS, MODES), (ELEMENTS, 8))
 #: Frequencies on the page.
@@ -53,8 +53,8 @@ def truncation() -> str:
     for elements, modes in MESHES:
         found = free_frequencies(Case("none", elements=elements, modes=modes).robot)[:TOLD]
         error = np.abs(found / limit - 1).max()
-        told = ", ".join(f"{value:.3f}" for value in found)
-        rows.append([str(elements), str(modes), told, percent(float(error), 2)])
+        frequencies = ", ".join(f"{value:.3f}" for value in found)
+        rows.append([str(elements), str(modes), frequencies, percent(float(error), 2)])
     rows.append([*map(str, CONVERGED), ", ".join(f"{value:.3f}" for value in limit), "-"])
     free = paragraph(
         "Free floating, joints free, arm stretched: the lowest frequencies [Hz], and the largest deviation",
@@ -67,7 +67,7 @@ def truncation() -> str:
 
 
 def _cost() -> str:
-    """What the shipped robots' modes cost in the numbers of the study."""
+    """Error of the study's numbers due to the shipped robots' modes."""
     rows = []
     for case in (
         Case("none", base="held"),

@@ -42,7 +42,7 @@ def _report(path: Path) -> Mapping[str, Any]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Add a row, write the page, and tell what has become slower; gives the exit code."""
+    """Add a row, write the page, and report slowdowns; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.history", description=(__doc__ or "").split("\n")[0]
     )

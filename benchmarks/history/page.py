@@ -12,9 +12,9 @@ from benchmarks.history.rows import ALLOWED, ENOUGH, WINDOW, Row, changes
 
 __all__ = ["page", "peers"]
 
-#: Size of a small picture of a ratio's course [px].
+#: Size of a small picture of a ratio's history [px].
 WIDTH, HEIGHT, EDGE = 150, 30, 4
-#: Packages beside which we are measured, and how many of the last rows are listed.
+#: Packages for comparison, and number of recent rows listed.
 PEERS, LISTED = {"exudyn": "exudyn", "mujoco": "mujoco", "pinocchio": "pin"}, 40
 
 
@@ -30,7 +30,7 @@ def peers() -> dict[str, str]:
 
 
 def page(rows: Sequence[Row]) -> str:
-    """The whole file; needs nothing from elsewhere."""
+    """The complete, self-contained file."""
     folder = Path(__file__).parent / "templates"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(folder), autoescape=True, trim_blocks=True
@@ -51,7 +51,7 @@ def page(rows: Sequence[Row]) -> str:
 
 
 def _course(rows: Sequence[Row], name: str) -> str:
-    """Points of a ratio over the rows, from the lowest to the highest, as an SVG polyline wants them."""
+    """Points of a ratio over the rows, scaled between lowest and highest, for an SVG polyline."""
     values = [row.ratios[name] for row in rows if name in row.ratios]
     low, high = min(values), max(values)
     span, steps = high - low or 1.0, max(1, len(values) - 1)

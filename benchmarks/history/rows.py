@@ -1,9 +1,9 @@
-"""The history of `make bench`: rows of ratios to the peers of the same run, and what has become slower.
+"""The history of `make bench`: rows of ratios to the peers of the same run, and slowdowns.
 
-A row keeps the ratio of every peer's time to ours, and nothing is judged by times: another machine, or a busy
-one, changes both. The file is not in git (`reports/` is ignored): a ratio still depends on the machine, whose
-kind each row names, and rows are compared with rows of the same kind and the same version of the peer only. A
-report without a peer, of a part of the benchmarks, adds no row.
+A row stores the ratio of every peer's time to ours, and nothing is judged by absolute times: another or a
+busy machine changes both. The file is not in git (`reports/` is ignored): a ratio still depends on the
+machine, whose type each row names, and rows are compared only for the same type and the same version of the
+peer. A report without a peer, of a part of the benchmarks, adds no row.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ __all__ = [
 ]
 
 VERSION = 1
-#: A ratio below this share of what it was is a regression. Ratios of single runs on a shared machine scatter
-#: by some ten percent.
+#: A ratio below this fraction of the earlier one is a regression. Ratios of single runs on a shared machine
+#: scatter by some ten percent.
 ALLOWED = 0.75
-#: Earlier rows whose median a ratio is compared with, and how few are too few to judge.
+#: Number of earlier rows whose median is the baseline, and the least number needed.
 WINDOW, ENOUGH = 10, 3
 
 
@@ -52,7 +52,7 @@ class Row:
         load: of the machine in the minute before, processes; negative if unknown.
         versions: of the peers.
         ratios: "GROUP: PEER" to the peer's time over ours.
-        seconds: what the whole run took, wall time with everything that it made; negative if unknown.
+        seconds: total wall time of the run; negative if unknown.
     """
 
     time: str
@@ -66,7 +66,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Change:
-    """A ratio beside what it was.
+    """A ratio and its earlier value.
 
     Attributes:
         name: of the ratio.
@@ -80,7 +80,7 @@ class Change:
 
     @property
     def regressed(self) -> bool:
-        """Whether we have become slower beside this peer."""
+        """Whether we have become slower relative to this peer."""
         return self.before is not None and self.now < ALLOWED * self.before
 
 
@@ -116,7 +116,7 @@ def _ratios(benchmarks: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 def grouped(
     benchmarks: Sequence[Mapping[str, Any]],
 ) -> list[tuple[str, float, list[tuple[str, float]]]]:
-    """Of every group in which we run beside peers: its name, our time, and the peers with theirs [s]."""
+    """For every group with peers: its name, our time, and the peers with theirs [s]."""
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for one in benchmarks:
         groups.setdefault(one["group"] or "", []).append(one["extra_info"])
@@ -134,7 +134,7 @@ def grouped(
 
 
 def appended(rows: Sequence[Row], row: Row) -> tuple[Row, ...]:
-    """With the row at the end; one of the same time takes the other's place."""
+    """The rows with this one at the end; it replaces one of the same time."""
     return (*(other for other in rows if other.time != row.time), row)
 
 
@@ -160,7 +160,7 @@ def _comparable(row: Row, other: Row, name: str) -> bool:
 
 
 def read(path: Path) -> tuple[Row, ...]:
-    """The rows of a history; none where there is no file yet.
+    """The rows of a history; empty if there is no file yet.
 
     Raises:
         InputError: the file is not a history.
@@ -192,7 +192,7 @@ def _checked(data: Mapping[str, Any]) -> Row:
 
 
 def write(path: Path, rows: Sequence[Row]) -> None:
-    """Whole or not at all."""
+    """Write the history atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     data = {"version": VERSION, "rows": [asdict(row) for row in rows]}
     write_atomically(path, json.dumps(data, indent=1) + "\n")

@@ -14,10 +14,10 @@ HEADINGS = ("against", "ours [ms]", "theirs [ms]", "ratio", "before")
 
 
 def ratios(report: Mapping[str, Any], changes: Sequence[Change]) -> str:
-    """One line for each peer, by group: what both took, and how many times as fast we are.
+    """One line for each peer, by group: both times, and our speed ratio.
 
     Args:
-        report: of pytest-benchmark, from which the changes were made.
+        report: of pytest-benchmark, the source of the changes.
         changes: of its ratios.
     """
     known = {change.name: change for change in changes}

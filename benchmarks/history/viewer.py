@@ -14,7 +14,7 @@ from missing_physics.reporting.elements.palette import AFTER, BEFORE, FORWARDS, 
 
 __all__ = ["TIMELINE", "entity", "write_history"]
 
-#: The runs, counted from one; the words of each run are in `runs`.
+#: The runs, counted from one; the description of each run is in `runs`.
 TIMELINE = "run"
 COLOURS = tuple(
     tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5)) for colour in (AFTER, BEFORE, FORWARDS, WINDOW)

@@ -1,4 +1,4 @@
-"""The README's picture: force that the model of a real axis leaves unexplained, before and after."""
+"""The README's picture: residual force of the model of a real axis, before and after."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ POINTS, SEED = 2500, 0
 WIDTH, HEIGHT = 860, 356
 PANEL_WIDTH, PANEL_HEIGHT = 360, 236
 LEFT, TOP, GAP = 64, 58, 40
-#: Part of the range left free at each side of an axis, and the marks aimed at.
+#: Fraction of the range left free at each side of an axis, and the desired number of marks.
 MARGIN, MARKS = 0.06, 5
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One scatter plot: what stands above it, its colour, where it begins, and its points."""
+    """One scatter plot: title, colour, position, and points."""
 
     title: str
     colour: str
@@ -82,7 +82,7 @@ def picture(result: Result) -> str:
 
 
 def _part(left: Array, measured: Array) -> str:
-    """rms of an error over that of what was measured."""
+    """rms of an error relative to that of the measured force."""
     return percent(float(np.sqrt(np.nanmean(left**2) / np.nanmean(measured**2))), 1)
 
 

@@ -3,9 +3,9 @@
     python -m benchmarks.machines.readme
 
 Diagnoses four rows of the yardstick, draws the held-out recording of the first into `docs/emps.svg`, and
-puts between the marks of each page what `missing-physics diagnose` prints: into `docs/real_machines.md` all
-of it; into README, of three, the command, the verdict, the errors joint by joint and the first finding. The
-data come from the folder that `MISSING_PHYSICS_DATA` names.
+inserts the output of `missing-physics diagnose` between the marks of each page: complete into
+`docs/real_machines.md`; into README, for three, the command, the verdict, the errors joint by joint and the
+first finding. The data come from the folder `MISSING_PHYSICS_DATA`.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ PICTURE = ROOT / "docs" / "emps.svg"
 COMMAND = "python -m benchmarks.machines.readme"
 BEGIN = f"<!-- {{name}}: made by {COMMAND} -->\n```{{kind}}\n"
 END = "```\n<!-- end -->"
-#: Rows of the yardstick that are shown, all on the page of machines.
+#: Rows of the yardstick shown on the page of machines.
 SHOWN = ("emps", "kuka_kr300", "dfki_double_pendulum_C1", "qube_servo_furuta")
-#: Those that README shows, shortened, in one block of this name.
+#: Rows shown shortened in README, in one block of this name.
 FIRST = SHOWN[:3]
 BLOCK = "machines"
-#: The row that is drawn.
+#: The row for the picture.
 DRAWN = "emps"
 #: Lines of the verdict and findings that a shortened console shows.
 VERDICT, FINDINGS = 3, 1
-#: A finding's line: its name, its place and its probability; what follows it stands further in.
+#: A finding's line: name, place and probability; its details are indented further.
 FINDING = re.compile(r"  \S.*%")
-#: How a row of the table of errors ends.
+#: Ends of rows of the table of errors.
 UNITS = (" N", " N m")
 DOTS = "..."
-#: Columns of the terminal: as most are, and as wide as a line of README may be.
+#: Columns of the terminal: the usual width, and that of README.
 COLUMNS, WIDE = 80, 120
 
 
 def main() -> None:
-    """Diagnose, draw, and renew the consoles."""
+    """Diagnose, draw, and update the consoles."""
     short = []
     for name in SHOWN:
         row = load(machine(name), download=True)
@@ -70,9 +70,9 @@ def _renew(page: Path, name: str, kind: str, example: str) -> None:
 
 
 def command(row: Machine) -> str:
-    """The command of a row after a prompt that says where it is typed, in lines that fit.
+    """The command of a row after a prompt with the folder, wrapped to the width.
 
-    `DATA` stands for the folder of the recordings. Rows with overlays or windows would need more words.
+    `DATA` stands for the folder of the recordings. Rows with overlays or windows would need more options.
     """
     words = ["missing-physics", "diagnose", row.robot, *(f"DATA/{run.file}" for run in row.fit)]
     words += [f"--validate=DATA/{run.file}" for run in row.held_out]
@@ -84,7 +84,7 @@ def command(row: Machine) -> str:
 
 
 def printed(result: Result, columns: int = COLUMNS) -> str:
-    """What the command prints on a terminal of that width."""
+    """Output of the command on a terminal of that width."""
     console = Console(file=io.StringIO(), width=columns)
     print_summary(result, console)
     text = console.file.getvalue()  # type: ignore[attr-defined]
@@ -92,7 +92,7 @@ def printed(result: Result, columns: int = COLUMNS) -> str:
 
 
 def shortened(text: str) -> str:
-    """The verdict, the table of errors and the first finding, with dots for what is left out."""
+    """The verdict, the table of errors and the first finding, with dots for omitted lines."""
     kept: list[str] = []
     for number, section in enumerate(text.rstrip("\n").split("\n\n")):
         lines = section.split("\n")
@@ -104,7 +104,7 @@ def shortened(text: str) -> str:
 
 
 def _shown(section: list[str]) -> int:
-    """How many lines of a section after the verdict are shown, from its top."""
+    """Number of lines shown of a section after the verdict, from its top."""
     if section[0].startswith("Torque error"):
         # Heading, heads of the columns, rows; notes below them do not end with a unit.
         return next((n for n, line in enumerate(section) if n > 1 and not line.endswith(UNITS)), len(section))
@@ -115,7 +115,7 @@ def _shown(section: list[str]) -> int:
 
 
 def with_example(page: str, name: str, kind: str, example: str) -> str:
-    """The page with what stands between the marks of that name replaced."""
+    """The page with the text between the marks of that name replaced."""
     begin = BEGIN.format(name=name, kind=kind)
     before, rest = page.split(begin)
     return before + begin + example + END + rest.split(END, 1)[1]

@@ -1,10 +1,10 @@
-"""Exudyn at its fastest, with nothing in Python while it runs, or nothing but the call of compiled functions.
+"""Exudyn at its fastest, with no Python code during the run except calls of compiled functions.
 
-Rigid robots are `ObjectKinematicTree`; explicit Runge-Kutta methods can then run them, with or without error
-control. Flexible ones are bodies, constraints and `ObjectFFRFreducedOrder`, for which Exudyn has implicit
-methods of second order at fixed steps. Bodies and modes come from `exudyn_model`. Control and friction are
-symbolic user functions, which Exudyn evaluates in C++ (`laws`, `lugre`), or, where those cannot be had, user
-functions in C (`compiled`).
+Rigid robots are `ObjectKinematicTree`, which explicit Runge-Kutta methods can integrate, with or without
+error control. Flexible ones are bodies, constraints and `ObjectFFRFreducedOrder`, for which Exudyn has
+implicit methods of second order at fixed steps. Bodies and modes come from `exudyn_model`. Control and
+friction are symbolic user functions, which Exudyn evaluates in C++ (`laws`, `lugre`), or, where these are not
+possible, user functions in C (`compiled`).
 """
 
 from benchmarks.native.compiled import CompiledLaws

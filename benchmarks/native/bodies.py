@@ -41,7 +41,7 @@ class Joined:
 
 
 class BodyLaws(Protocol):
-    """What acts on the joints."""
+    """Forces on the joints."""
 
     def on_bodies(self, mbs: Any, joined: Sequence[Joined]) -> Any: ...
 

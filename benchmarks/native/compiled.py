@@ -1,8 +1,8 @@
-"""Control and friction as user functions in C: where Exudyn has no form of its own for them.
+"""Control and friction as user functions in C, where Exudyn has no own form for them.
 
-Of Python there is only what Exudyn calls, which starts the compiled code and hands over its result. Bristles
-are the rates of coordinates of unit mass; with Jacobians by coordinates, rates and, of a tree, accelerations
-nothing is remembered between steps, so that every method of Exudyn can run it.
+The only Python code is the function called by Exudyn, which starts the compiled code and passes on its
+result. Bristles are the rates of coordinates of unit mass; with Jacobians with respect to coordinates, rates
+and, for a tree, accelerations there is no memory between steps, so that every method of Exudyn can run it.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ __all__ = ["CompiledLaws"]
 
 Array = NDArray[np.float64]
 
-#: Loops by which a call is timed, and calls in each.
+#: Loops for timing a call, and calls in each.
 REPEATS, CALLS = 7, 2000
 
 
 @dataclass(frozen=True)
 class CompiledLaws:
-    """The laws of a robot's joints, to be put into a system as often as one likes.
+    """The laws of a robot's joints, which can be added to several systems.
 
     Attributes:
         functions: force, Jacobian and mass matrix, each with the library that holds it as machine code.
@@ -94,11 +94,11 @@ class CompiledLaws:
         return cls([(_library(function), function) for function in functions], count, turning)
 
     def on_tree(self, mbs: Any, mechanism: Mechanism, first: int) -> Any:
-        """Put them on a tree; gives what must outlive the run."""
+        """Add them to a tree; returns objects that must outlive the run."""
         return self._add(mbs, [0])
 
     def on_bodies(self, mbs: Any, joined: Sequence[Joined]) -> Any:
-        """Put them between bodies; gives what must outlive the run."""
+        """Add them between bodies; returns objects that must outlive the run."""
         return self._add(mbs, _nodes(joined))
 
     def _add(self, mbs: Any, nodes: list[int]) -> Any:
@@ -128,9 +128,9 @@ def _library(function: ca.Function) -> ctypes.CDLL:
 
 
 class _Called:
-    """What Exudyn calls.
+    """The functions called by Exudyn.
 
-    Coordinates and rates that come with a call are those that the machine code reads by itself.
+    The machine code reads coordinates and rates directly, not the arguments of the call.
     """
 
     def __init__(self, mbs: Any, functions: Sequence[tuple[ctypes.CDLL, ca.Function]]) -> None:
@@ -138,7 +138,7 @@ class _Called:
         self._system: System | None = None
 
     def _begin(self) -> System:
-        """Find Exudyn's memory, which keeps its place once the system is assembled."""
+        """Find Exudyn's memory, which does not move once the system is assembled."""
         self._system = system = System(self._mbs)
         self._force, self._jacobian, self._mass = (MachineCode(*own, system) for own in self._functions)
         return system
@@ -197,7 +197,7 @@ def _least(call: Callable[[], object]) -> float:
 
 
 class _Seen:
-    """Laws that do nothing, to see what a system is made of."""
+    """Empty laws, to inspect a system."""
 
     joined: Sequence[Joined] = ()
 

@@ -1,4 +1,4 @@
-"""Exudyn's module without range checks, and how a run is set up."""
+"""Exudyn's module without range checks, and the settings of a run."""
 
 # ruff: noqa: E402  (the choice of Exudyn's module must come before its import)
 from __future__ import annotations
@@ -38,8 +38,8 @@ EXPLICIT: Mapping[str, str] = {
     "ODE23, tolerance": "ODE23",
     "DOPRI5, tolerance": "DOPRI5",
 }
-#: Those of Newton's iterations, to Exudyn's own relative tolerance of 1e-8 or to a larger one, which saves a
-#: third of the iterations and shows at small errors only.
+#: Implicit methods, with Exudyn's own relative Newton tolerance of 1e-8 or a larger one, which saves a third
+#: of the iterations and matters at small errors only.
 IMPLICIT: Mapping[str, str] = {
     "trapezoidal, index 2": "TrapezoidalIndex2",
     "trapezoidal, index 2, loose": "TrapezoidalIndex2",
@@ -51,7 +51,7 @@ LOOSE = 1e-5
 
 @dataclass(frozen=True)
 class Setting:
-    """How a run is made: a method and its number of steps, or its tolerance."""
+    """Settings of a run: a method and its number of steps, or its tolerance."""
 
     method: str
     steps: int = 0
@@ -83,5 +83,5 @@ def watched(mbs: Any, node: int) -> Any:
 
 
 def module_name() -> str:
-    """Which of its two compiled modules Exudyn runs on."""
+    """Which of its two compiled modules Exudyn uses."""
     return str(exudyn.SystemContainer.__module__)

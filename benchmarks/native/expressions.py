@@ -1,8 +1,8 @@
 """Control and friction as expressions of Exudyn's coordinates.
 
-Controllers and friction laws are the expressions of the reference model; how Exudyn's coordinates, rates,
-accelerations and multipliers become what they see is written here. Bearing loads come from the accelerations
-of a tree's coordinates by inverse dynamics, and between bodies from Exudyn's own multipliers.
+Controllers and friction laws are the expressions of the reference model; this module computes their inputs
+from Exudyn's coordinates, rates, accelerations and multipliers. Bearing loads come from the accelerations of
+a tree's coordinates by inverse dynamics, and between bodies from Exudyn's own multipliers.
 """
 
 from __future__ import annotations

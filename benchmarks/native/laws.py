@@ -1,6 +1,6 @@
 """Joint control, viscous and Stribeck friction as symbolic user functions, which Exudyn evaluates in C++.
 
-In Exudyn 1.13 those with vectors of more than seven numbers corrupt memory; what acts on one joint needs no
+In Exudyn 1.13 those with vectors of more than seven numbers corrupt memory; forces on one joint need no
 vectors.
 """
 
@@ -33,7 +33,7 @@ class SymbolicLaws:
     robot: Robot
 
     def on_tree(self, mbs: Any, mechanism: Mechanism, first: int) -> Kept:
-        """Put them on a tree whose joints' coordinates begin at `first`; gives what must outlive the run."""
+        """Add them to a tree whose joint coordinates start at `first`; returns objects to keep alive."""
         laws, kept = _laws(self.robot), []
         for member, k in enumerate(mechanism.coordinate, start=first):
             _coordinate_spring(mbs, member, laws[k], kept)
@@ -41,7 +41,7 @@ class SymbolicLaws:
         return kept
 
     def on_bodies(self, mbs: Any, joined: Sequence[Joined]) -> Kept:
-        """Put them between bodies; gives what must outlive the run."""
+        """Add them between bodies; returns objects that must outlive the run."""
         laws, kept = _laws(self.robot), []
         order = [joint.name for joint in self.robot.moving_joints]
         for pair in joined:
@@ -51,7 +51,7 @@ class SymbolicLaws:
 
 @dataclass(frozen=True)
 class Law:
-    """Force on a joint: a constant damping, and a function where that is not all.
+    """Force on a joint: a constant damping, and a function for the rest.
 
     Attributes:
         damping: [N m s/rad].

@@ -1,7 +1,7 @@
 """LuGre friction without loads as a symbolic user function, at the joints of a small tree.
 
-The bristle is the rate of a coordinate w of unit mass of its own: w'' = dz/dt, w' = z. Between two free
-bodies, whose coordinates are fourteen and a bristle, it has no such form; see `LONGEST_VECTOR`.
+The bristle is the rate of a separate coordinate w of unit mass: w'' = dz/dt, w' = z. Between two free bodies,
+with fourteen coordinates and a bristle, this form is not possible; see `LONGEST_VECTOR`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["LONGEST_VECTOR", "Kept", "add_bristles", "bristle_node"]
 sym: Any = exu.symbolic
 #: Exudyn 1.13 corrupts memory when a symbolic function takes vectors longer than this.
 LONGEST_VECTOR = 7
-#: The least level of bristles: as in `reference_model`.
+#: Floor of the bristles' friction level, as in `reference_model`.
 SMALLEST_LEVEL = 1e-9
 #: Symbolic functions must live as long as the items that use them.
 Kept = list[Any]
@@ -76,8 +76,8 @@ def _lugre(p: Mapping[str, float], v: Any, z: Any) -> tuple[Any, Any]:
 
 
 def _given_force(mbs: Any, item: Any, law: Callable[..., Any], size: int, kept: Kept) -> None:
-    """A force on `size` coordinates. Exudyn's own helper records it with vectors of no length, and what
-    comes out is beyond their end: the record is made here with vectors of the right one."""
+    """A force on `size` coordinates. Exudyn's own helper records it with vectors of zero length, and the
+    result is beyond their end: here it is recorded with vectors of the right length."""
     recording = sym.GetRecording()
     sym.SetRecording(True)
     arguments = [mbs, sym.Real("t", 0.0), sym.Real("itemNumber", 0.0)]

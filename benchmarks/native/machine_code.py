@@ -1,8 +1,8 @@
-"""Functions of Exudyn's coordinates as compiled C, with as little Python around them as there can be.
+"""Functions of Exudyn's coordinates as compiled C, with as little Python around them as possible.
 
-Exudyn hands Python lists to a user function. The code here reads the present coordinates and multipliers
-where Exudyn itself keeps them instead, so that a call costs a time to store, a call through ctypes and a list
-of results: about a microsecond besides what is computed.
+Exudyn passes Python lists to a user function. The code here instead reads the present coordinates and
+multipliers from Exudyn's memory, so that a call costs storing the time, a call through ctypes and a list of
+results: an overhead of about a microsecond.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 __all__ = ["MachineCode", "System"]
 
 Array = NDArray[np.float64]
-#: What Exudyn calls: its system, the time and much that is not looked at.
+#: Signature called by Exudyn: its system, the time and unused arguments.
 
 
 class System:
-    """Where an assembled system of Exudyn keeps what the compiled code reads.
+    """Memory of an assembled Exudyn system that the compiled code reads.
 
     Attributes:
         time: [s], to be stored before each call, shape (1,).

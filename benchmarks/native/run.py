@@ -1,4 +1,4 @@
-"""A motion in Exudyn, made ready and run."""
+"""A motion in Exudyn, prepared and run."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class NativeRun:
         self._method = getattr(exu.DynamicSolverType, name)
 
     def __call__(self) -> None:
-        """Run; this alone is timed."""
+        """Run; only this is timed."""
         self._done = self._system.mbs.SolveDynamic(self._settings, solverType=self._method)
 
     @property
     def called(self) -> Any:
-        """What the laws put into the system, as they gave it."""
+        """Objects of the laws in the system."""
         return self._system.called
 
     def course(self) -> Course:
-        """What it gave."""
+        """Result of the run."""
         return self._system.course()

@@ -18,7 +18,7 @@ __all__ = ["Tree", "TreeLaws"]
 
 
 class TreeLaws(Protocol):
-    """What acts on the joints."""
+    """Forces on the joints."""
 
     def on_tree(self, mbs: Any, mechanism: Mechanism, first: int) -> Any: ...
 
@@ -32,7 +32,7 @@ class Tree:
         first = 6 if self._mechanism.free else 0
         system = build(self._mechanism, state, lambda t, x, v: [0.0] * (first + len(robot.moving_joints)))
         self.mbs, self._placement, self._container = system.mbs, system.placement, system.container
-        # The tree's own force comes from Python; other items take its place.
+        # The tree's own force comes from Python; other items replace it.
         self.mbs.SetObjectParameter(0, "forceUserFunction", 0)
         self.called = laws.on_tree(self.mbs, self._mechanism, first)
         self._sensor = watched(self.mbs, 0)

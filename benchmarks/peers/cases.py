@@ -1,8 +1,8 @@
-"""Recordings on which other tools stand beside the diagnosis, and one motion and one error for all of them.
+"""Recordings for comparing the diagnosis with other tools, with one motion and one error measure for all.
 
-Every tool gets the same nominal robot and the same fitted recordings; the held-out recordings are shown to
-none. Whatever a tool finds is put into the torque that it predicts along the held-out motion, which is
-estimated once, by the usual recipe and not by the diagnosis.
+Every tool gets the same nominal robot and the same fitted recordings; no tool sees the held-out recordings.
+The findings of a tool enter the torque that it predicts along the held-out motion, which is estimated once,
+by the usual recipe and not by the diagnosis.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ Array = NDArray[np.float64]
 
 #: Zero-phase Butterworth filter of position and torque: order.
 ORDER = 4
-#: Samples kept per period of the cut-off, and periods of it left out at both ends.
+#: Samples kept per period of the cut-off, and periods of it omitted at both ends.
 KEPT_PER_PERIOD, EDGE_PERIODS = 4.0, 2.0
-#: Friction or a lag that depends on the torque is iterated until the torque changes by less than this part of
-#: its rms, or so many times: a lag of 0.1 s needs most.
+#: Torque-dependent friction or a lag is iterated until the torque changes by less than this fraction of its
+#: rms, or this many times: a lag of 0.1 s needs most.
 SETTLED, ROUNDS = 1e-4, 300
-#: Joints slower than this part of their largest speed are left out of the errors: what static friction holds
-#: at rest no model predicts.
+#: Joints slower than this fraction of their largest speed are excluded from the errors: no model predicts
+#: static friction at rest.
 MOVING = 0.02
-#: Seeds of the simulated cases: sizes and noise of the fitted recording, noise of the held-out one.
+#: Seeds of the simulated cases: parameters and noise of the fitted recording, noise of the held-out one.
 ARM_SEEDS, AXIS_SEEDS = (10300, 10310), (10301, 10311)
-#: The held-out motion of a simulated robot: its frequencies are these times the reference motion's.
+#: Factors on the reference motion's frequencies for the held-out motion of a simulated robot.
 OTHER_TEMPO = 0.83
-#: Logs of the servo, by their time of day: gains 100 and 400 are fitted, 200 is held out. The motion in which
-#: the motor is switched off is left out, since a torque computed from a voltage does not exist there.
+#: Logs of the servo, by their time of day: gains 100 and 400 are fitted, 200 is held out. The motion with the
+#: motor switched off is excluded, since the torque cannot be computed from a voltage there.
 SERVO_FITTED = ("10h28m10", "10h28m24", "10h28m32", "10h29m14", "10h29m29", "10h29m37")
 SERVO_HELD_OUT = ("10h28m42", "10h28m57", "10h29m04")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A nominal robot, what is fitted and what is only scored.
+    """A nominal robot, fitted and held-out recordings.
 
     Attributes:
         title, origin: in words.
@@ -60,7 +60,7 @@ class Case:
         rate: grid on which the motion is estimated [Hz].
         known: `effect@place.parameter` or an inertial number to its published or true value.
         truth: "published" or "true".
-        hidden: what is missing beyond the terms that the other tools fit, in words.
+        hidden: missing physics beyond the terms that the other tools fit, in words.
     """
 
     title: str
@@ -162,11 +162,11 @@ class Motion:
         return ArmAlong(self.robot, self.exact)
 
     def predicted(self, robot: Robot) -> Array:
-        """Torque that `robot` with all its effects needs along this motion, shape (N, n).
+        """Torque required by `robot` with all its effects along this motion, shape (N, n).
 
-        Where a voltage is recorded, it is the voltage that `robot` needs with its own motor, given as the
-        torque that the nominal robot's motor makes of it: so that other motor constants are no way to change
-        what was measured. Nothing that was measured of the actuators enters.
+        Where a voltage is recorded, it is the voltage required by `robot` with its own motor, converted to a
+        torque by the nominal robot's motor, so that other motor constants cannot change the measurement.
+        No measured actuator data enter.
         """
         along = ArmAlong(robot, self.exact)
         torque = along.rigid.copy()
@@ -184,7 +184,7 @@ class Motion:
         return torque
 
     def _effects(self, along: ArmAlong, robot: Robot) -> Array:
-        """What the robot's effects add to the torque, shape (N, n)."""
+        """Torque contributions of the robot's effects, shape (N, n)."""
         friction = np.zeros_like(self.torque)
         for use in robot.effects:
             effect = get_effect(use.effect)
@@ -204,7 +204,7 @@ class Motion:
         return np.asarray(speed > MOVING * speed.max(axis=0))
 
     def reduced(self, values: Array) -> Array:
-        """Filtered like the torque, ends left out, decimated; along the first axis."""
+        """Filtered like the torque, without ends, decimated; along the first axis."""
         edge = int(EDGE_PERIODS * self.rate / self.cutoff)
         stride = max(1, int(self.rate / (KEPT_PER_PERIOD * self.cutoff)))
         return self._smooth(values)[edge:-edge:stride]
@@ -230,7 +230,7 @@ def motor_of(joint: Joint) -> tuple[float, float]:
 
 
 def emps() -> Case:
-    """A real axis of which only the mass is known."""
+    """A real axis with only the mass known."""
     folder = fetch_dataset("emps")
     files = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
     fitted, held = (recording_of(folder, name, example="emps") for name in files)

@@ -38,7 +38,7 @@ PACKAGES = ("mujoco", "pysindy")
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool, how it is set, and what it cannot do by its making."""
+    """A tool, its settings, and its limitations by design."""
 
     title: str
     run: Callable[[Case], Answer]
@@ -47,20 +47,20 @@ class Tool:
 
 
 TOOLS: tuple[Tool, ...] = (
-    Tool("nominal robot, as it is", peer_tools.nominal, "nothing is fitted", "-"),
+    Tool("nominal robot, unchanged", peer_tools.nominal, "nothing is fitted", "-"),
     Tool(
         "nominal robot, refitted",
         peer_tools.refitted,
         "inertial numbers and the parameters of the effects that the robot file has, by least squares",
-        "names nothing: what is missing goes into numbers that are there",
+        "names nothing: missing physics biases the existing parameters",
     ),
     Tool(
         "IDIM-LS with fixed friction",
         peer_tools.idim,
         "inertial numbers, viscous and Coulomb friction and an offset in every joint, by least squares of "
         "the torque (inverse dynamic identification)",
-        "does not ask whether these terms are needed or are enough; no intervals that hold for errors with a "
-        "memory",
+        "does not test whether these terms are needed or sufficient; no intervals valid for correlated "
+        "errors",
     ),
     Tool(
         "PySINDy (STLSQ)",
@@ -70,7 +70,7 @@ TOOLS: tuple[Tool, ...] = (
         f"{', '.join(map(str, THRESHOLDS))} that is best on the last quarter of the fitted data. The "
         "measured torque is no regressor, since it is what is to be predicted",
         "terms are linear in their coefficients, so that shapes (a Stribeck velocity, a ripple's period) are "
-        "fixed beforehand; knows no place but the joint, no intervals, no held-out proof, no rivals",
+        "fixed beforehand; no place but the joint, no intervals, no held-out proof, no rivals",
     ),
     Tool(
         "mujoco.sysid",
@@ -80,8 +80,8 @@ TOOLS: tuple[Tool, ...] = (
         f"and a motor offset in every joint; windows of {WINDOW:g} s from the estimated state, under the "
         "recorded torque or voltage, residual in the joints' positions, one thread. Bounds and starts are in "
         "`benchmarks/peers/sysid.py`; other starts ended in the same place where that was tried",
-        "fits the parameters that it is given, and only those that MuJoCo's model has; names nothing and "
-        "has no held-out proof; its intervals take errors for white",
+        "fits the given parameters, and only those that MuJoCo's model has; names nothing and has no "
+        "held-out proof; its intervals assume white errors",
     ),
     Tool(
         "missing-physics diagnose",
@@ -107,7 +107,7 @@ recordings are development seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run every tool on every case and write the page."""
+    """Run every tool on every case, and write the page."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="Other tools on the same recordings.")
     parser.add_argument("--out", type=Path, help="Markdown file to write")
     parser.add_argument("--only", help=f"some of {','.join(CASES)}, with commas between")

@@ -1,9 +1,9 @@
-"""MuJoCo's system-identification toolbox on a case: parameters of a structure that it is given.
+"""MuJoCo's system-identification toolbox on a case: parameters of a given structure.
 
-It is given what the usual friction model has: viscous friction (`damping`) and Coulomb friction
-(`frictionloss`) in every joint, an offset of every motor, and every mass that the robot file does not keep
-(where all are kept, every rotor inertia). It simulates the fitted recordings in windows, each from the
-estimated state at its beginning, under the recorded torque or voltage, and fits the joints' positions.
+The structure is the usual friction model: viscous friction (`damping`) and Coulomb friction (`frictionloss`)
+in every joint, an offset of every motor, and every mass that the robot file does not fix (if all are fixed,
+every rotor inertia). The toolbox simulates the fitted recordings in windows, each from the estimated state at
+its start, under the recorded torque or voltage, and fits the joints' positions.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ __all__ = ["WINDOW", "mujoco_sysid"]
 WINDOW = 1.0
 #: Masses and rotors lie within this factor of the robot file's.
 FACTOR = 3.0
-#: Friction is at most this part of a joint's rms torque, at top speed where it is viscous.
+#: Friction is at most this fraction of a joint's rms torque, at top speed where it is viscous.
 MOST_FRICTION = 3.0
-#: A starting value of friction, as a part of its bound: on the bound itself the optimiser stalls.
+#: A starting value of friction, relative to its bound: on the bound itself the optimiser stalls.
 START = 0.05
 #: Iterations at most.
 ITERATIONS = 50
-#: MuJoCo wants a rotary inertia also of a body that has none [kg m^2].
+#: MuJoCo requires a rotary inertia also for a body that has none [kg m^2].
 LEAST_INERTIA = 1e-9
 
 
 @dataclass(frozen=True)
 class _Number:
-    """One parameter: its label here, start, bounds, and how it is written into MuJoCo's model."""
+    """One parameter: label, start, bounds, and the function that sets it in MuJoCo's model."""
 
     label: str
     start: float
@@ -145,7 +145,7 @@ def _numbers(case: Case) -> list[_Number]:
 
 
 def _write_mass(spec: Any, link: Any, mass: float) -> None:
-    """A mass with the inertia that goes with it, the shape of the body unchanged."""
+    """Set a mass and scale the inertia, the shape of the body unchanged."""
     body = spec.body(link.name)
     matrix = np.asarray(link.inertia_matrix) * mass / link.mass + LEAST_INERTIA * np.eye(3)
     body.mass = mass
@@ -215,7 +215,7 @@ def _windows(motion: Motion) -> list[tuple[int, int]]:
 
 
 def _robot(case: Case, values: dict[str, float]) -> Robot:
-    """The nominal robot with these numbers, its own effects replaced."""
+    """The nominal robot with these parameters, its own effects replaced."""
     links = tuple(_link(link, values.get(f"{link.name}.mass")) for link in case.nominal.links)
     joints = tuple(
         _joint(joint, values.get(f"{joint.name}.reflected_inertia")) for joint in case.nominal.joints

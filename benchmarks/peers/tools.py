@@ -1,4 +1,4 @@
-"""What each tool makes of a case: terms with values, and the torque it predicts along held-out motions."""
+"""Answer of each tool to a case: terms with values, and predicted torque along held-out motions."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ __all__ = ["Answer", "diagnosis", "idim", "nominal", "refitted", "sparse"]
 
 Array = NDArray[np.float64]
 
-#: Singular values below this part of the largest are taken for zero.
+#: Singular values below this fraction of the largest count as zero.
 RANK = 1e-6
-#: A number is determined by itself when the kept directions hold this part of it.
+#: A parameter is determined individually if the kept directions contain this fraction of it.
 DETERMINED = 0.98
-#: Thresholds of the sparse regression, for columns and target of unit size, of which the best is taken by
-#: the last quarter of the fitted recordings; and its ridge.
+#: Thresholds of the sparse regression, for columns and target of unit norm, chosen by the last quarter of the
+#: fitted recordings; and its ridge.
 THRESHOLDS = (0.02, 0.05, 0.1, 0.2, 0.4)
 CHECKED = 0.25
 RIDGE = 1e-6
-#: Terms of the usual friction model, each with the effect and the parameter of which it is the unit part.
+#: Terms of the usual friction model, each the contribution of an effect with a parameter of one.
 FRICTION = {
     "viscous_friction": "coefficient",
     "coulomb_friction": "torque",
@@ -40,10 +40,10 @@ class Answer:
     """One tool on one case.
 
     Attributes:
-        found: what it says, `effect@place.parameter` or its own name of a term, to value and half width of
-            its 95 % interval (None where it states none).
+        found: `effect@place.parameter`, or its own name of a term, to value and half width of its 95 %
+            interval (None where it states none).
         predicted: torque along each held-out motion, shape (N, n); empty where there is no answer.
-        note: what is to be known of it.
+        note: remarks.
     """
 
     found: Mapping[str, tuple[float, float | None]] = field(default_factory=dict)
@@ -52,20 +52,20 @@ class Answer:
 
 
 def nominal(case: Case) -> Answer:
-    """The robot file as it is."""
+    """The unchanged robot file."""
     return Answer(predicted=[m.along.nominal() for m in case.held_out_motions])
 
 
 def refitted(case: Case) -> Answer:
-    """Inertial numbers of the nominal robot, and the effects it has, by least squares."""
+    """Inertial parameters of the nominal robot, and its effects, by least squares."""
     labels = [f"{use.effect}@{use.at}" for use in case.nominal.effects]
     return _linear(case, labels, lambda m: [m.along.part(use) for use in case.nominal.effects])
 
 
 def idim(case: Case) -> Answer:
-    """Inertial numbers with viscous and Coulomb friction and an offset in every joint, by least squares.
+    """Inertial parameters with viscous and Coulomb friction and an offset in every joint, by least squares.
 
-    Inverse dynamic identification (Gautier; Janot et al.), as the dynamics' tools for robots do it.
+    Inverse dynamic identification (Gautier; Janot et al.), as in robot identification tools.
     """
     uses = [
         EffectUse(effect=effect, at=joint.name, **{parameter: 1.0})
@@ -77,7 +77,7 @@ def idim(case: Case) -> Answer:
 
 
 def _linear(case: Case, labels: Sequence[str], parts: Callable[[Motion], list[Array]]) -> Answer:
-    """Least squares of the torque, each joint relative to its own, on inertial numbers and `parts`."""
+    """Least squares of the torque, each joint scaled by its own, on inertial parameters and `parts`."""
     names = case.motions[0].along.model.inertial_names
     free = [k for k, name in enumerate(names) if not _kept(case, name)]
 
@@ -86,7 +86,7 @@ def _linear(case: Case, labels: Sequence[str], parts: Callable[[Motion], list[Ar
         return np.stack(columns, axis=2)
 
     def fixed(motion: Motion) -> Array:
-        """The torque of the numbers that are not fitted."""
+        """The torque of the parameters that are not fitted."""
         fitted = motion.along.regressor[:, :, free] @ motion.along.model.inertial[free]
         return np.asarray(motion.along.rigid - fitted)
 
@@ -102,7 +102,7 @@ def _linear(case: Case, labels: Sequence[str], parts: Callable[[Motion], list[Ar
 
 
 def _least_squares(columns: Array, target: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Shortest solution in columns of unit length, and which of its numbers the data determine one by one."""
+    """Minimum-norm solution in unit columns, and which parameters the data determine individually."""
     size = np.linalg.norm(columns, axis=0)
     seen = size > RANK * size.max()
     left, singular, right = np.linalg.svd(columns[:, seen] / size[seen], full_matrices=False)
@@ -114,7 +114,7 @@ def _least_squares(columns: Array, target: Array) -> tuple[Array, NDArray[np.boo
 
 
 def _kept(case: Case, name: str) -> bool:
-    """Whether an inertial number stays as the robot file has it: gravity, what is known, rotors it lacks."""
+    """Whether an inertial parameter keeps the file's value: gravity, known ones, rotors it lacks."""
     known, body = case.nominal.known, name.split(".")[0]
     if name.endswith(".reflected_inertia"):
         motor = case.nominal.joint(body).actuator
@@ -167,8 +167,8 @@ def sparse(case: Case) -> Answer:
 def _library(motion: Motion, k: int) -> Array:
     """All regressors of one joint, shape (N, K).
 
-    The nominal torque stands where a regressor wants the torque: the measured one is what is to be
-    predicted, and is its own best regressor.
+    The nominal torque is used where a regressor needs the torque: the measured one is the target, and would
+    be its own best regressor.
     """
     q, v, a = (part[:, k] for part in motion.state)
     return np.column_stack([shape(q, v, a, motion.along.nominal()[:, k]) for shape in REGRESSORS.values()])

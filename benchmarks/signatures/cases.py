@@ -1,4 +1,4 @@
-"""For every effect a small robot, parameters, and the channel that tells it: data of `effect_signatures`."""
+"""For every effect a small robot, parameters, and the most informative channel, for `pictures`."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from robot_model import (
 
 __all__ = ["CASES", "Case"]
 
-#: What is drawn: the torque that the description does not explain; what a faulty sensor adds; what a gear's
-#: two sides do against each other; or the channel itself, without and with the effect.
+#: Plotted quantity: residual torque of the description; error of a faulty sensor; relative motion of a gear's
+#: two sides; or the channel itself, without and with the effect.
 Kind = Literal["residual", "error", "twist", "channel"]
 
 
@@ -35,14 +35,14 @@ class Case:
     """One picture.
 
     Attributes:
-        kind: what is drawn upwards.
+        kind: vertical quantity.
         robot: without the effect.
-        at: where the effect sits.
-        values: its parameters, those without defaults at least.
-        over: what is drawn to the right: `time`, or a quantity of joint1.
+        at: place of the effect.
+        values: its parameters, at least those without defaults.
+        over: horizontal quantity: `time`, or a quantity of joint1.
         channel: of kinds "channel" and "error".
         beside: other effects that both robots have.
-        span: part of the run that is drawn [s].
+        span: plotted part of the run [s].
     """
 
     kind: Kind
@@ -81,7 +81,7 @@ def _arm(**changes: Any) -> Robot:
 
 
 def _flyer(**changes: Any) -> Robot:
-    """A free base whose arm makes a move of half a second and stops."""
+    """A free base whose arm moves for half a second and stops."""
     move = Cycloid(joint="joint1", displacement=0.8, start=0.2, duration=0.5)
     given = {
         "name": "flyer",
@@ -104,7 +104,7 @@ def _flyer(**changes: Any) -> Robot:
 
 
 def _boom(speed: float = 0.0) -> Robot:
-    """The flyer with a flexible link; or one that spins on a heavy hub in a weak field across it."""
+    """The free flyer with a flexible link; or one that spins on a heavy hub in a weak transverse field."""
     beam = Beam(
         length=1.2,
         section=Tube(outer_diameter=0.02, inner_diameter=0.018),

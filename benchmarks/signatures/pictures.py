@@ -1,7 +1,7 @@
-"""A picture of every effect for the catalogue page: how it shows in a simulated recording.
+"""A picture of every effect for the catalogue page: its signature in a simulated recording.
 
-``python -m benchmarks.signatures.pictures [FOLDER]`` writes ID.svg of each into FOLDER, where the package has
-them when left out. Robots, parameters and channels are in `signature_cases`; nothing is measured.
+``python -m benchmarks.signatures.pictures [FOLDER]`` writes ID.svg of each into FOLDER, by default the folder
+of the package. Robots, parameters and channels are in `cases`; nothing is measured.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _line(label: str, colour: str, case: Case, recording: Recording, y: Array) -
 
 
 def _residual(case: Case, plain: Robot, real: Robot) -> tuple[str, list[Line]]:
-    """Torque as measured less the torque that the description without any effect needs."""
+    """Measured torque minus the torque required by the description without any effect."""
     bare = RobotModel(plain)
     lines = []
     for label, colour, robot in (("without", HELD_OUT, plain), ("with", AFTER, real)):
@@ -72,22 +72,22 @@ def _residual(case: Case, plain: Robot, real: Robot) -> tuple[str, list[Line]]:
 
 
 def _error(case: Case, plain: Robot, real: Robot) -> tuple[str, list[Line]]:
-    """What the faulty sensor says less what is true."""
-    true, said = _recording(case, plain, sensors=True), _recording(case, real, sensors=True)
+    """Reading of the faulty sensor minus the true value."""
+    true, measured = _recording(case, plain, sensors=True), _recording(case, real, sensors=True)
     unit = unit_of(case.channel)
-    line = _line("with", AFTER, case, true, said[case.channel] - true[case.channel])
+    line = _line("with", AFTER, case, true, measured[case.channel] - true[case.channel])
     return f"{case.channel}, measured less true [{unit}]", [line]
 
 
 def _twist(case: Case, plain: Robot, real: Robot) -> tuple[str, list[Line]]:
-    """Motor against joint."""
+    """Motor position minus joint position."""
     recording = _recording(case, real)
     twist = recording["joint1.motor_position"] - recording["joint1.position"]
     return "motor less joint [rad]", [_line("with", AFTER, case, recording, twist)]
 
 
 def _channel(case: Case, plain: Robot, real: Robot) -> tuple[str, list[Line]]:
-    """The telling channel itself."""
+    """The channel itself."""
     lines = []
     for label, colour, robot in (("without", HELD_OUT, plain), ("with", AFTER, real)):
         recording = _recording(case, robot)

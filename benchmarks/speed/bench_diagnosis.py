@@ -2,8 +2,8 @@
 
     make bench ARGS="-k diagnosis"
 
-Reading and simulating are set-up and not timed; the report is not written. What is found is a matter of the
-tests; here it is kept with the time in `extra_info`.
+Reading and simulating are set-up and not timed; the report is not written. Findings are checked by the tests;
+here they are stored with the time in `extra_info`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robot_model import EffectUse, Recording, Robot, load_robot
 
 #: Length of the benchmark [s], at the robot's 1 kHz.
 DURATION = 25.0
-#: Of a command of seconds: the first warms up nothing but the cache of compiled code.
+#: Rounds of a command of seconds: the first one only fills the cache of compiled code.
 ROUNDS = 2
 MISSING = EffectUse.model_validate({"effect": "torque_offset", "at": "joint1", "torque": 8.0})
 

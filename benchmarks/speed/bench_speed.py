@@ -1,4 +1,4 @@
-"""Speed of the reference model beside MuJoCo and Pinocchio; one round is a loop of many evaluations.
+"""Speed of the reference model compared with MuJoCo and Pinocchio; one round is a loop of many evaluations.
 
     make bench ARGS="-k speed"
 
@@ -27,10 +27,10 @@ ENGINES = (
     *("reference model", "reference model, masses as inputs", "MuJoCo mj_forward", "Pinocchio aba"),
     *("reference model, from Python", "MuJoCo mj_forward, from Python", "Pinocchio aba, from Python"),
 )
-#: Lengths of the chains that are looked at every time.
+#: Lengths of the benchmarked chains.
 LINKS = (2, 8, 32)
-#: Accelerations of one state by three algorithms differ by rounding, which the factors of a heavy base and
-#: a light wrist enlarge.
+#: Accelerations of one state by three algorithms differ by rounding, amplified by a heavy base and a light
+#: wrist.
 SAME = 1e-11
 
 

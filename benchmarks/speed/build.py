@@ -1,4 +1,4 @@
-"""Compiles the loops around the peers, apart from what is timed; they are kept until a version changes.
+"""Compiles the loops around the peers, separately from the timing; they are cached until a version changes.
 
     python -m benchmarks.speed.build
 
@@ -21,7 +21,7 @@ ROBOT = "two_link_arm"
 
 
 def main() -> None:
-    """Make every loop once, and say how long it took."""
+    """Make every loop once, and report the time."""
     robot = undeformed(load_robot(ROBOT))
     states = random_states(robot)
     for name, make in (("MuJoCo", mujoco_loop), ("Pinocchio", pinocchio_loop)):

@@ -1,4 +1,4 @@
-"""What the speed benchmarks run: robots, states and loops, each made once."""
+"""Content of the speed benchmarks: robots, states and loops, each made once."""
 
 from __future__ import annotations
 
@@ -122,12 +122,12 @@ def derivative_columns(robot: Robot) -> tuple[Plant, Sequence[Array]]:
 def chain_rate(
     links: int, *, flexible: bool, looped: bool | None = None
 ) -> tuple[ca.Function, Sequence[Array]]:
-    """State derivative of a chain, and random states of it; by a loop over the bodies or in straight line.
+    """State derivative of a chain, and random states of it; by a loop over bodies or straight-line code.
 
     Args:
         links: of the chain.
         flexible: beams or rigid links.
-        looped: which of the two; None leaves it to the size, as a run does.
+        looped: which of the two; None decides by size, as in a run.
     """
     plant = Plant(chain(links, flexible=flexible))
     function = rate_by_size(plant) if looped is None else looped_rate(plant) if looped else plant.rate
@@ -139,7 +139,7 @@ def chain_rate(
 
 
 def recorded(name: str) -> Callable[[str], float]:
-    """Wall time [s] of a `RobotModel` method over a long recording, its first call left out."""
+    """Wall time [s] of a `RobotModel` method over a long recording, without its first call."""
     robot = load_robot(name)
     model = RobotModel(robot)
     rng = np.random.default_rng(1)
@@ -159,7 +159,7 @@ def recorded(name: str) -> Callable[[str], float]:
 def integration(compile_code: bool) -> tuple[Loop, Callable[[], Mapping[str, int]]]:
     """CVODES over the manoeuvre with friction at the default tolerances: processor time, and its counts.
 
-    Building the equations is left out; it is part of `manoeuvre`.
+    Building the equations is not included; it is part of `manoeuvre`.
     """
     robot = loaded_robot()
     assert robot.reference is not None
@@ -190,21 +190,21 @@ def fixed_steps() -> Loop:
 
 
 def manoeuvre(**options: float | bool) -> float:
-    """Processor time [s] of the whole simulation with friction, equations built and code loaded anew."""
+    """Processor time [s] of the full simulation with friction, with equations rebuilt and code reloaded."""
     start = time.process_time()
     simulate(loaded_robot(), sensors=False, **options)  # type: ignore[arg-type]
     return time.process_time() - start
 
 
 def least(loop: Loop, repeats: int) -> tuple[float, float]:
-    """Least and median of several repeats, after one that warms up."""
+    """Minimum and median of several repeats, after a warm-up."""
     loop()
     found = [loop() for _ in range(repeats)]
     return min(found), float(np.median(found))
 
 
 def side_by_side(loops: Mapping[str, Loop], repeats: int) -> dict[str, tuple[float, float]]:
-    """Least and median of each, their repeats in turn, so that a busy moment meets all of them."""
+    """Minimum and median of each, with interleaved repeats, so that a busy moment affects all of them."""
     for loop in loops.values():
         loop()
     found: dict[str, list[float]] = {name: [] for name in loops}

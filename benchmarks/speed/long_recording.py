@@ -1,9 +1,9 @@
-"""How long the command takes for one minute of the flexible space robot at 1 kHz, and how much memory.
+"""Time and memory of the command for one minute of the flexible space robot at 1 kHz.
 
     python -m benchmarks.speed.long_recording [--seconds 60] [--out FILE]
 
-The recording comes from the reference model: its making is not measured. The command is run as a user runs
-it, in a process of its own, with its report and rerun file.
+The recording comes from the reference model and is not part of the measurement. The command is run as a user
+runs it, in a separate process, with its report and rerun file.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from missing_physics.recordings import write_recording
 from reference_model.simulation import simulate
 from robot_model import MultiSine, Reference, Robot, load_robot, robot_to_toml, write_atomically
 
-__all__ = ["main", "page", "recorded", "said", "timed"]
+__all__ = ["answer_facts", "main", "page", "recorded", "timed"]
 
 COMMAND = "python -m benchmarks.speed.long_recording"
 PAGE = EVIDENCE / "long_recording.md"
 ROBOT = "flexible_space_robot"
 RATE = 1000.0
-#: How the sentence on these begins in the answer.
+#: Beginning of the sentence on unsearched effects in the answer.
 UNSEARCHED_BEGINS = "Not searched for"
-UNSEARCHED = "Not every effect of the catalogue was searched for. What was not, in the diagnosis' own words:"
-#: What is asked: seconds of wall time on two cores, and megabytes.
+UNSEARCHED = "Not every effect of the catalogue was searched for. The others, in the diagnosis' own words:"
+#: Goals: seconds of wall time on two cores, and megabytes.
 GOALS = 60.0, 2000.0
 #: Reference motion of every joint: amplitudes [rad] and frequencies [Hz], slow enough for the boom's load.
 AMPLITUDES, FREQUENCIES, RAMP = (0.1, 0.02), (0.09, 0.23), 3.0
 
 
 def recorded(folder: Path, seconds: float) -> tuple[str, ...]:
-    """Write the nominal robot and its recording into `folder`; the labels of what is left out."""
+    """Write the nominal robot and its recording into `folder`; returns the labels of the hidden effects."""
     robot = load_robot(ROBOT)
     joints = tuple(
         MultiSine(
@@ -64,7 +64,7 @@ def recorded(folder: Path, seconds: float) -> tuple[str, ...]:
 
 
 def timed(folder: Path) -> dict[str, Any]:
-    """Run the command in `folder`: wall and processor time [s], peak of memory [MB], what it said."""
+    """Run the command in `folder`: wall and processor time [s], peak of memory [MB], and its answer."""
     words = [
         sys.executable,
         "-m",
@@ -75,9 +75,9 @@ def timed(folder: Path) -> dict[str, Any]:
         "--out",
         "out",
     ]
-    with open(folder / "told.txt", "w") as told:
+    with open(folder / "output.txt", "w") as output:
         began = time.monotonic()
-        process = subprocess.Popen(words, cwd=folder, stdout=told, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(words, cwd=folder, stdout=output, stderr=subprocess.DEVNULL)
         _, status, usage = os.wait4(process.pid, 0)
         wall = time.monotonic() - began
     if status:
@@ -87,13 +87,13 @@ def timed(folder: Path) -> dict[str, Any]:
         "wall": wall,
         "processor": usage.ru_utime + usage.ru_stime,
         "megabytes": usage.ru_maxrss / 1024.0,
-        "summary": (folder / "told.txt").read_text(),
-        **said(answer),
+        "summary": (folder / "output.txt").read_text(),
+        **answer_facts(answer),
     }
 
 
-def said(answer: Mapping[str, Any]) -> dict[str, Any]:
-    """Verdict of a `diagnosis.json`, probabilities of what it names, and what was not searched for."""
+def answer_facts(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """Verdict of a `diagnosis.json`, probabilities of named effects, and effects not searched for."""
     return {
         "verdict": answer["verdict"],
         "findings": {
@@ -104,7 +104,7 @@ def said(answer: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _beside(hidden: Sequence[str], named: Mapping[str, float]) -> list[list[str]]:
-    """Each effect that was left out or named: whether it was the one, and with what probability the other."""
+    """Each hidden or named effect: whether it was hidden, and the probability with which it was named."""
     return [
         [
             f"`{label}`",
@@ -116,16 +116,16 @@ def _beside(hidden: Sequence[str], named: Mapping[str, float]) -> list[list[str]
 
 
 def _with_load(robot: Robot) -> str:
-    """Which of the effects grow with a bearing's load; empty where none does."""
-    told = [
+    """A sentence on load-dependent effects; empty if there are none."""
+    loaded = [
         f"`{use.effect}@{use.at}` ({', '.join(f'{k} {v:g}' for k, v in loads.items())})"
         for use in robot.effects
         if (loads := {k: v for k, v in use.parameters.items() if k.startswith("load_") and v > 0})
     ]
-    if not told:
+    if not loaded:
         return ""
     return paragraph(
-        f"What was left out as {' and '.join(told)} grows with the load of the joint's bearing:",
+        f"What was left out as {' and '.join(loaded)} grows with the load of the joint's bearing:",
         "load-dependent friction there is part of what was left out, by another name.",
     )
 

@@ -1,7 +1,7 @@
-"""Loops around one evaluation, compiled, so that no interpreter is in what is timed.
+"""Compiled loops around one evaluation, so that no interpreter is in the timing.
 
-Times are processor time of the loop's own thread, the least of several repeats; other programs on the machine
-lengthen wall time and, through shared caches, processor time too, which the least of many takes most of away.
+Times are processor time of the loop's own thread, the minimum of several repeats; other programs on the
+machine lengthen wall time and, through shared caches, processor time too, which the minimum mostly removes.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ REPEATS = 15
 EVALUATIONS = 20_000
 DRIVERS = Path(__file__).parent / "drivers"
 FOLDER = Path(__file__).parents[2] / ".benchmarks" / "loops"
-#: What the peers' loops are compiled with: the fastest that their authors recommend.
+#: Compiler flags of the peers' loops: the fastest that their authors recommend.
 PEER_FLAGS = ("-O3", "-march=native", "-DNDEBUG", "-shared", "-fPIC")
 #: Pinocchio's own settings of Boost, for its long list of joint types.
 BOOST = ("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS")
@@ -174,7 +174,7 @@ def pinocchio_loop(robot: Robot, states: States) -> Loop:
 
 
 def _tables(robot: Robot) -> tuple[NDArray[np.generic], ...]:
-    """parent, kind, axis, place and mass of every joint, in the order in which `PinocchioPeer` adds them."""
+    """Parent, kind, axis, place and mass of every joint, in the order of `PinocchioPeer`."""
     identity = [*np.eye(3).ravel(), 0, 0, 0]
     rows: list[tuple[int, int, Array, Array, Array]] = []
     index = {"base": 0}

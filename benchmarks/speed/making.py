@@ -1,10 +1,10 @@
-"""Time and memory of making a chain's state derivative, each measured in a process of its own.
+"""Time and memory of making a chain's state derivative, each measured in a separate process.
 
     python -m benchmarks.speed.making loop|straight rigid|flexible LINKS
 
-prints one measurement as JSON. Code is compiled into an empty cache, by a compiler that stands behind a short
-script, which tells the compiler's processor time and the largest memory of its processes: what the system
-reports of a process begins with the memory of the one that started it.
+prints one measurement as JSON. Code is compiled into an empty cache, by a compiler wrapped in a short script,
+which reports the compiler's processor time and the largest memory of its processes: the system's value for a
+process includes the memory of the one that started it.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from reference_model.codegen.compiled import SWITCH, compiler
 __all__ = ["MADE", "exponents", "made"]
 
 ROOT = Path(__file__).resolve().parents[2]
-#: What is measured, in the order of the table's columns.
+#: Measured quantities, in the order of the table's columns.
 MADE = ("equations", "generating", "memory", "compiling", "compiler", "library")
 #: In place of the compiler on the path: runs it, and appends [s, kB] of its processes to a file.
 SCRIPT = """#!{python} -S
 import json, resource, subprocess, sys
 code = subprocess.run([{path!r}, *sys.argv[1:]]).returncode
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
-with open({told!r}, "a") as file:
+with open({log!r}, "a") as file:
     file.write(json.dumps([used.ru_utime + used.ru_stime, used.ru_maxrss]) + "\\n")
 sys.exit(code)
 """
@@ -53,8 +53,8 @@ def made(way: str, kind: str, links: int) -> Mapping[str, float]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         (folder / "bin").mkdir()
-        script, told = folder / "bin" / Path(chosen.path).name, folder / "told"
-        script.write_text(SCRIPT.format(python=sys.executable, path=chosen.path, told=str(told)))
+        script, log = folder / "bin" / Path(chosen.path).name, folder / "log"
+        script.write_text(SCRIPT.format(python=sys.executable, path=chosen.path, log=str(log)))
         script.chmod(0o700)
         environment = {
             **os.environ,
@@ -65,14 +65,14 @@ def made(way: str, kind: str, links: int) -> Mapping[str, float]:
         words = [sys.executable, "-m", "benchmarks.speed.making", way, kind, str(links)]
         run = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
         found: dict[str, float] = json.loads(run.stdout.splitlines()[-1])
-        used = [json.loads(line) for line in told.read_text().splitlines()]
+        used = [json.loads(line) for line in log.read_text().splitlines()]
     found["compiling"] = sum(seconds for seconds, _ in used)
     found["compiler"] = max(kilobytes for _, kilobytes in used) / 1024
     return found
 
 
 def exponents(links: Sequence[int], rows: Sequence[Mapping[str, float]]) -> Mapping[str, float]:
-    """Of the growth of every figure with the number of links, by least squares of logarithms."""
+    """Exponents of the growth of every value with the number of links, by least squares of logarithms."""
     over = np.log(links)
     return {key: float(np.polyfit(over, np.log([row[key] for row in rows]), 1)[0]) for key in MADE}
 

@@ -1,4 +1,4 @@
-"""The same rigid robot in MuJoCo and in Pinocchio, built from the description, and states to ask them at.
+"""The same rigid robot in MuJoCo and in Pinocchio, built from the description, and states to evaluate.
 
 Generalised vectors of the reference model hold the base's [linear; angular] in base axes first, with the
 inertial acceleration of its origin. MuJoCo keeps the linear part in inertial axes; Pinocchio's acceleration
@@ -34,7 +34,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: What mj_forward need not do for a robot without contacts, limits, springs, actuators and sensors.
+#: Parts of mj_forward that are disabled: contacts, limits, springs, actuators and sensors.
 DISABLED = (
     *("constraint", "equality", "frictionloss", "limit", "contact", "spring", "damper"),
     *("clampctrl", "warmstart", "filterparent", "actuation", "refsafe", "sensor", "midphase"),
@@ -45,7 +45,7 @@ DISABLED = (
 class States:
     """States and joint torques: quaternion (N, 4), base velocity in base axes (N, 6), joints (N, n) each.
 
-    A robot on a fixed base has the base's rows all the same, for nothing.
+    A robot on a fixed base also has the base's rows, unused.
     """
 
     attitude: Array
@@ -97,7 +97,7 @@ def body_columns(robot: Robot) -> list[tuple[Joint, Link]]:
 
 
 def mjcf(robot: Robot) -> str:
-    """The robot as MuJoCo's XML, with everything off that it does not need."""
+    """The robot as MuJoCo's XML, with all unneeded features disabled."""
     root = ElementTree.Element("mujoco")
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
     option = ElementTree.SubElement(root, "option", gravity=_words(robot.gravity))

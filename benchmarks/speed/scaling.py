@@ -20,11 +20,11 @@ __all__ = ["LINKS", "MODES", "scaling_part"]
 
 LINKS = (2, 4, 8, 16)
 MODES = (2, 4, 8, 16)
-#: Repeats whose medians are told, and steps of a run.
+#: Repeats whose medians are reported, and steps of a run.
 REPEATS, STEPS = 5, 1000
 #: Evaluations of a Runge-Kutta step of order 4.
 STAGES = 4
-#: Too short for anything to happen: a run of this length is only its evaluations [s].
+#: Negligible duration: a run of this length consists only of its evaluations [s].
 DURATION = 0.05
 
 
@@ -66,7 +66,7 @@ def _still(robot: Robot) -> Robot:
 
 
 def _bending(modes: int) -> Robot:
-    """The flexible space robot without control and friction, with so many modes."""
+    """The flexible space robot without control and friction, with this number of modes."""
     robot = CASES["flexible"].robot
     data = _still(robot).model_dump()
     beam = next(link for link in data["links"] if link.get("beam"))["beam"]

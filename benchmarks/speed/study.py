@@ -1,4 +1,4 @@
-"""Writes reports/evidence/speed.md: how fast the reference model is, beside MuJoCo and Pinocchio in one run.
+"""Writes reports/evidence/speed.md: speed of the reference model, MuJoCo and Pinocchio in one run.
 
     python -m benchmarks.speed.study
 
@@ -27,11 +27,11 @@ __all__ = ["main"]
 
 PAGE = EVIDENCE / "speed.md"
 SHIPPED = ("six_joint_space_arm", "flexible_space_robot")
-#: Chains shorter than this are left out of the exponent: what every robot costs alike is still seen in them.
+#: Chains shorter than this are excluded from the exponent: constant costs are still visible in them.
 LONG_ENOUGH = 8
-#: Longer code in straight line takes minutes to compile [operations].
+#: Longer straight-line code takes minutes to compile [operations].
 STRAIGHT = 35_000
-#: Chains by whether their links bend.
+#: Chains by whether their links are flexible.
 KINDS = {False: "rigid", True: "flexible"}
 
 
@@ -44,7 +44,7 @@ def _say(text: str) -> None:
 
 
 def forward_part() -> str:
-    """One forward-dynamics evaluation beside the peers."""
+    """One forward-dynamics evaluation compared with the peers."""
     rows, agreements = [], []
     for name in SHIPPED:
         _say(f"forward dynamics of {name}")
@@ -190,7 +190,7 @@ def making_part() -> str:
 
 
 def manoeuvre_part() -> str:
-    """The whole manoeuvre with friction."""
+    """The complete manoeuvre with friction."""
     robot = cases.loaded_robot()
     assert robot.reference is not None
     duration, rows = robot.reference.duration, []
@@ -203,7 +203,7 @@ def manoeuvre_part() -> str:
     for code in (True, False):
         _say(f"manoeuvre, compiled {code}")
         run, stats = cases.integration(code)
-        words = "compiled C" if code else "CasADi's own machine"
+        words = "compiled C" if code else "CasADi's virtual machine"
         row(f"CVODES alone, {words}", cases.least(run, REPEATS))
         counts = stats()
     for title, options in (

@@ -34,10 +34,10 @@ SECTIONS = (
 
 INTRODUCTION = """\
 Liu, Li, Wang, Cai, *Dynamics analysis of flexible space robot with joint friction*, Aerospace Science and
-Technology 47 (2015) 164-176, name in their introduction works on friction in space robots. Each section
-takes up one of them, with that work's system as far as its publication, or what is written about it,
-says. **Where a definition or a figure is this project's own, the section says so; no number here is
-another author's result.**"""
+Technology 47 (2015) 164-176, cite in their introduction works on friction in space robots. Each section
+studies one of them, with that work's system as far as its publication, or literature on it, describes it.
+**Definitions and values that are this project's own are marked in the section; no number here is another
+author's result.**"""
 
 
 def main() -> None:

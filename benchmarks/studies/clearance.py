@@ -1,4 +1,4 @@
-"""A joint with clearance: contact forces, the journal's orbit, and what tracking loses."""
+"""A joint with clearance: contact forces, the journal's orbit, and the loss of tracking accuracy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_model import Clearance, ComputedTorque, Quintic, Recording, Reference
 
 __all__ = ["section"]
 
-#: Both joints turn by this [rad] in so long [s], and then hold.
+#: Both joints turn by this angle [rad] in this time [s], and then hold.
 TURN, DURATION, HOLD, RATE = radians(10), 2.0, 1.0, 2000.0
 JOURNAL, STIFFNESS, RESTITUTION, FRICTION = 0.04, 1e9, 0.9, 0.1
 RADIAL = (1e-4, 3e-4, 1e-3)
@@ -32,7 +32,7 @@ a contact as a state, and in `exudyn_model/effects/clearance.py`, which remember
 
 
 def section() -> str:
-    """The whole section."""
+    """The complete section."""
     rows = []
     for name in ("flexible_space_robot_planar", "flexible_space_robot"):
         for radial in (0.0, *RADIAL):

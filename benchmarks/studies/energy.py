@@ -1,4 +1,4 @@
-"""Losses of joints, and motions between two poses that lose the least."""
+"""Losses of joints, and motions of least loss between two poses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_model import ComputedTorque, Quintic, Recording, Reference, Robot
 
 __all__ = ["section"]
 
-#: Where the joints go [rad], and the viscous friction [N m s/rad] and winding resistances [ohm].
+#: Joint displacements [rad], viscous friction [N m s/rad] and winding resistances [ohm].
 DISPLACEMENTS = {"joint1": radians(30), "joint2": radians(-45)}
 VISCOUS, RESISTANCE = 40.0, 0.5
 DURATIONS = (5.0, 10.0, 20.0, 40.0)
@@ -24,16 +24,16 @@ INTRODUCTION = """\
 ## [7] Losses and the motion of least energy
 
 Katoh and others plan paths of a space robot that save the energy consumed by the mechanical viscous
-friction and the armatures' resistances of the motors. `simulate(robot, losses=True)` tells both in either
+friction and the armatures' resistances of the motors. `simulate(robot, losses=True)` gives both in either
 engine, as power and energy of every joint. `least_energy(robot, {joint: displacement}, duration=T)` finds
-the motion from rest to rest that loses the least, by direct collocation and IPOPT, with the dynamics of
-the floating robot and its torque limits (`reference_model/planning/least_energy.py`); its result is a
-robot with tables for a reference, which either engine follows. Their equations could not be read; the
-loss is theirs in words, the method is ours."""
+the motion of least loss from rest to rest, by direct collocation and IPOPT, with the dynamics of the
+floating robot and its torque limits (`reference_model/planning/least_energy.py`); its result is a robot
+with tables as reference, which either engine follows. Their equations could not be read; the loss follows
+their description, the method is ours."""
 
 
 def section() -> str:
-    """The whole section."""
+    """The complete section."""
     rows = []
     for duration in DURATIONS:
         robot = _robot(duration)
@@ -54,11 +54,10 @@ def section() -> str:
     )
     text = (
         "Flexible space robot, free base; joints turn by 30 and -45 degrees under computed torque, kp = 1 "
-        f"and kd = 2. Viscous friction {VISCOUS:g} N m s/rad, windings of {RESISTANCE:g} ohm. The plan takes "
-        "the links for rigid; energies are those of the flexible robot that follows it. Against windings "
-        "alone the best motion of a single axis is a cubic, which loses 0.7 of what a quintic does; against "
-        "friction alone it is an even speed, which loses 0.7 of it as well: 30 % is what can be saved at "
-        "most."
+        f"and kd = 2. Viscous friction {VISCOUS:g} N m s/rad, windings of {RESISTANCE:g} ohm. The plan "
+        "assumes rigid links; energies are those of the flexible robot that follows it. With winding losses "
+        "only, the best motion of a single axis is a cubic, which loses 0.7 of a quintic's energy; with "
+        "friction losses only it is a constant speed, which also loses 0.7 of it: at most 30 % can be saved."
     )
     return "\n\n".join([INTRODUCTION, text, table(headings, rows), _engines()])
 
@@ -83,8 +82,8 @@ def _engines() -> str:
     channels = [f"{joint}.{kind}_energy" for joint in JOINTS for kind in ("friction", "armature")]
     gap = max(float(np.abs(own[c] - other[c]).max() / own[c][-1]) for c in channels)
     return (
-        f"Over the first second of the fastest motion the engines' energies differ by {gap:.1e} of what they "
-        "have come to."
+        f"Over the first second of the fastest motion the engines' energies differ by {gap:.1e} of their "
+        "final values."
     )
 
 

@@ -19,11 +19,11 @@ __all__ = ["section"]
 MILLI = 1e3
 JOINTS = ("joint1", "joint2")
 STEPS = (8e-3, 4e-3, 2e-3, 1e-3)
-#: Both joints swing by this [rad] at this frequency [Hz], for so long [s].
+#: Amplitude of both joints [rad], frequency [Hz] and duration [s].
 AMPLITUDE, FREQUENCY, DURATION, RATE = radians(1), 0.2, 10.0, 25.0
 #: Evaluations of the equations of motion in a step of the classical Runge-Kutta method.
 STAGES = 4
-#: Static friction falls to the kinetic one over this speed [rad/s]: many steps, or a step would leap over it.
+#: Static friction falls to the kinetic one over this speed [rad/s]: many steps, so that no step skips it.
 FALL = 0.02
 
 INTRODUCTION = """\
@@ -49,7 +49,7 @@ step without any such law would have."""
 
 
 def section() -> str:
-    """The whole section."""
+    """The complete section."""
     return "\n\n".join([INTRODUCTION, SETTING, _errors(), _engines()])
 
 
@@ -84,13 +84,13 @@ def _errors() -> str:
         f"Exact stiction takes {number(cost)} evaluations per second; joint 2 rests in {resting:.1f} % of "
         f"the "
         f"time, and the motion spans {span:.3g} mrad. The two laws differ by {_apart(smooth, exact)} mrad "
-        "from one another, whatever the step: a bristle bends before it breaks away, and remembers."
+        "from one another at any step: a bristle deflects before it breaks away, and has memory."
     )
     return f"{table(headings, rows)}\n\n{text}"
 
 
 def _engines() -> str:
-    """Both engines on a rigid arm, since Exudyn's explicit steps carry trees only."""
+    """Both engines on a rigid arm, since Exudyn's explicit steps support trees only."""
     robot = _rigid_arm()
     exact = simulate(robot, sensors=False, stiction=True, rtol=1e-10, atol=1e-12)
     rows = []

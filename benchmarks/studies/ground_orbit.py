@@ -1,4 +1,4 @@
-"""The same robot and motion on ground and in orbit: tracking, and what an identification makes of it."""
+"""The same robot and motion on ground and in orbit: tracking and identification."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from robot_model import Bearing, EffectUse, Recording, Robot, load_robot
 
 __all__ = ["section"]
 
-#: Coulomb [N m] and viscous friction [N m s/rad] on ground, and what orbit makes of each joint's friction.
+#: Coulomb [N m] and viscous friction [N m s/rad] on ground, and factors on each joint's friction in orbit.
 COULOMB, VISCOUS, RISE = (3.0, 1.5), (2.5, 1.2), (1.5, 1.2)
 #: Static over kinetic friction, Stribeck speed [rad/s], coefficient of the bearings' load.
 STATIC, STRIBECK, LOAD = 1.3, 0.05, 0.1
 BEARING = Bearing(radial_arm=0.03, axial_arm=0.02, bending_arm=0.1)
 DURATION, RATE, SEED = 20.0, 100.0, 0
-#: Below this speed samples tell of the Stribeck part, which the identified model has not [rad/s].
+#: Below this speed samples contain the Stribeck part, which the identified model lacks [rad/s].
 SLOW = 0.15
 
 INTRODUCTION = """\
@@ -29,20 +29,20 @@ INTRODUCTION = """\
 
 ROKVISS measured in orbit a total friction 50 % and 20 % above that on ground, in two joints. Here the
 same robot makes the same motion four times: with the friction of the ground and with 1.5 and 1.2 times
-it, with gravity and without. Bearing loads make part of the friction, and weight makes most of the load,
-so that a joint whose friction laws stay as they are rubs *less* in orbit; what ROKVISS saw has to be more
-than that. The identification is the usual one, base inertial parameters with viscous and Coulomb friction
-by least squares."""
+it, with gravity and without. Bearing loads cause a part of the friction, and gravity causes most of the
+load, so that a joint with unchanged friction laws has *less* friction in orbit; the increase that ROKVISS
+observed has to be more than that. The identification is the usual one, base inertial parameters with
+viscous and Coulomb friction by least squares."""
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What least squares find: values and twice their standard deviations.
+    """Result of least squares: values and twice their standard deviations.
 
     Attributes:
         coulomb, viscous: of both joints [N m, N m s/rad].
         moment: first moment of link 2 along its axis [kg m].
-        rank: number of inertial parameters that the motion can tell.
+        rank: number of identifiable inertial parameters.
         left: rms of the residual torques [N m].
     """
 
@@ -54,8 +54,8 @@ class Identified:
 
 
 def section() -> str:
-    """The whole section."""
-    tracked, told, first = [], [], None
+    """The complete section."""
+    tracked, rows, first = [], [], None
     for place, gravity in (("ground", True), ("orbit", False)):
         for friction, rises in (("ground", (1.0, 1.0)), ("orbit", RISE)):
             robot = _robot(gravity=gravity, rises=rises)
@@ -74,7 +74,7 @@ def section() -> str:
                     ", ".join(number(load) for load in loads),
                 ]
             )
-            told.append([*name, *_cells(found)])
+            rows.append([*name, *_cells(found)])
     headings = (
         *("gravity of", "friction of", "tracking, mrad rms:", "torque, N m rms:"),
         *("friction, N m rms:", "bearing load W, N m, mean:"),
@@ -87,7 +87,7 @@ def section() -> str:
             "viscous, N m s/rad:",
             "first moment of link 2, kg m:",
         ),
-        *("inertial parameters told:", "left, N m rms:"),
+        *("inertial parameters identified:", "residual, N m rms:"),
     )
     text = (
         f"Two-link arm on a fixed base, joint PD control, {DURATION:g} s of its shipped motion. Stribeck "
@@ -96,19 +96,27 @@ def section() -> str:
         "joints 1 and 2. Torques carry the noise of the shipped sensors; intervals are twice the standard "
         "deviation."
     )
-    parts = [INTRODUCTION, text, table(headings, tracked), table(second, told), _reading(told), _engines()]
+    parts = [
+        INTRODUCTION,
+        text,
+        table(headings, tracked),
+        table(second, rows),
+        _reading(rows),
+        _engines(),
+    ]
     return "\n\n".join(parts)
 
 
-def _reading(told: list[list[str]]) -> str:
-    coulomb = [[float(part.split(" ±")[0]) for part in row[2].split(", ")] for row in told]
+def _reading(rows: list[list[str]]) -> str:
+    coulomb = [[float(part.split(" ±")[0]) for part in row[2].split(", ")] for row in rows]
     alone = [100 * (coulomb[2][k] / coulomb[0][k] - 1) for k in range(2)]
     both = [100 * (coulomb[3][k] / coulomb[0][k] - 1) for k in range(2)]
     return (
         f"Without gravity alone the identified Coulomb friction changes by {alone[0]:.1f} and {alone[1]:.1f} "
         f"%; with the friction of the orbit by {both[0]:.1f} and {both[1]:.1f} %, less than the 50 and 20 % "
-        "that were put in. A friction identified on ground holds in orbit only with the load apart. Without "
-        f"gravity the motion tells {told[2][5]} inertial parameters of {told[0][5]}, and those less sharply."
+        "of the simulation. Friction identified on ground holds in orbit only with a separate load term. "
+        f"Without gravity the motion identifies {rows[2][5]} inertial parameters of {rows[0][5]}, less "
+        "accurately."
     )
 
 

@@ -1,4 +1,4 @@
-"""Flexible hinges with friction: gear, friction on both of its sides and link, apart and together."""
+"""Flexible hinges with friction: gear, friction on both of its sides and link, separately and together."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ AMPLITUDE, FREQUENCY, DURATION = 3.0, 0.1, 30.0
 INTRODUCTION = """\
 ## [9] Flexible hinges with friction
 
-Zavrazhina and Zavrazhina analyse a space manipulator whose hinges are elastic and rub. Here a joint has
+Zavrazhina and Zavrazhina analyse a space manipulator with elastic hinges and friction. Here a joint has
 an elastic gear (`joint_elasticity`), dry friction inside the motor (`actuator.coulomb_friction`), which
 acts in front of the gear, dry friction in the bearing behind it (`lugre_friction`), and the link bends.
-The controller reads the motors' encoders and knows rigid bodies with stiff gears. What each does alone is
-not what all do together."""
+The controller reads the motors' encoders and assumes rigid bodies with stiff gears. The separate effects do
+not add up."""
 
 
 def section() -> str:
-    """The whole section."""
+    """The complete section."""
     rows, combined = [], {}
     for bends, elastic, inside, outside in product((False, True), repeat=4):
         run = simulate(_robot(bends, elastic, inside, outside), sensors=False, rtol=1e-7, atol=1e-10)
         cells = _cells(run, bends)
         combined[bends, elastic, inside, outside] = _error(run)
-        said = ("yes" if part else "" for part in (bends, elastic, inside, outside))
-        rows.append([*said, *cells])
+        flags = ("yes" if part else "" for part in (bends, elastic, inside, outside))
+        rows.append([*flags, *cells])
     headings = (
         *("link bends", "gear elastic", "friction at the motor", "friction at the joint"),
         *("tracking of joint 2, mrad rms:", "of its motor, mrad rms:", "largest twist, mrad:"),
@@ -53,8 +53,8 @@ def section() -> str:
         f"Space robot, both joints swing by {AMPLITUDE:g} degrees at {FREQUENCY:g} Hz under computed torque, "
         f"kp = 1 and kd = 2. Gears of {STIFFNESS:g} N m/rad and {DAMPING:g} N m s/rad, {MOTOR_SIDE:g} N m of "
         f"dry friction in the motor, {JOINT_SIDE:g} to {1.5 * JOINT_SIDE:g} N m in the bearing. All four "
-        f"together make a tracking error of {whole:.3g} mrad; the squares of the four alone add up to "
-        f"{together:.3g} mrad."
+        f"together cause a tracking error of {whole:.3g} mrad; the root of the summed squares of the four "
+        f"separate errors is {together:.3g} mrad."
     )
     return "\n\n".join([INTRODUCTION, text, table(headings, rows), _engines()])
 

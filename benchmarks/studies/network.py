@@ -1,4 +1,4 @@
-"""Adaptive neural network control with friction and payload unknown: errors by period, with and without."""
+"""Adaptive neural network control with unknown friction and payload: errors by period, with and without."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["section"]
 AMPLITUDE, FREQUENCY, PERIODS = 5.0, 0.05, 6
 #: Gains of the law [1/s^2, 1/s], Stribeck speed of the friction [rad/s].
 KP, KD, STRIBECK = 1.0, 2.0, 0.025
-#: The payload that the controller does not know [kg], at the beam's tip, which carries 50 kg already.
+#: The payload unknown to the controller [kg], at the beam's tip, which carries 50 kg already.
 PAYLOAD = 15.0
 CENTRES, WIDTH, ADAPTATION = 21, 0.5, 0.5
 LEAKAGE = 0.02
@@ -30,13 +30,13 @@ Martins and others proposed an adaptive network for the tracking control of spac
 friction and payload. Here `kind = "adaptive_network"`: a network of Gaussian basis functions adds an
 acceleration to computed torque; its weights are states of the controller that follow dW/dt = adaptation
 (phi s - leakage W), which comes from a Lyapunov function ([page of robot files](../../docs/robot.md))
-with the sigma modification. Where the centres sit, along the reference, and that s = ed + (kd/2) e, are
+with the sigma modification. The positions of the centres, along the reference, and s = ed + (kd/2) e are
 this project's own choices. In `reference_model/control/adaptive_network.py` and
 `exudyn_model/control/nonlinear.py`."""
 
 
 def section() -> str:
-    """The whole section."""
+    """The complete section."""
     laws = {
         "computed torque": ComputedTorque(kp=KP, kd=KD),
         "network": _network(),

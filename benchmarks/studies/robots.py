@@ -1,4 +1,4 @@
-"""The robot of several studies: the flexible space robot with bearings that rub, swinging slowly."""
+"""The robot of several studies: the flexible space robot with bearing friction, swinging slowly."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def rms(values: np.ndarray) -> float:
 
 
 def above(run: Recording, channel: str, frequency: float) -> np.ndarray:
-    """The part of a channel above a frequency [Hz], by a Butterworth filter of order four run both ways."""
+    """The part of a channel above a frequency [Hz], by a zero-phase Butterworth filter of order four."""
     rate = 1 / float(run.time[1] - run.time[0])
     sections = butter(4, frequency, "highpass", fs=rate, output="sos")
     return np.asarray(sosfiltfilt(sections, run[channel]))

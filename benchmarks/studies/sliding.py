@@ -31,7 +31,7 @@ and Hung (1993), constant rate and constant plus proportional rate (`exponential
 
 
 def section() -> str:
-    """The whole section."""
+    """The complete section."""
     rows = []
     runs = {"computed torque, kp = 1, kd = 2": ComputedTorque(kp=1.0, kd=2.0)}
     for reaching in ("constant", "exponential"):

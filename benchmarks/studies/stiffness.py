@@ -26,12 +26,12 @@ __all__ = ["section"]
 
 #: Spring of a gear [N m/rad], its cubic part [N m/rad^3], and the inertia that swings on it [kg m^2].
 STIFFNESS, CUBIC, INERTIA = 2000.0, 2e7, 5.0
-#: The push that starts a swing takes so long [s].
+#: Duration of the push that starts a swing [s].
 PUSH = 2e-3
 AMPLITUDES = (0.001, 0.003, 0.01, 0.03)
-#: Dry friction at the joint [N m], where there is some, and samples of the free swing [1/s].
+#: Dry friction at the joint [N m], if any, and sampling rate of the free swing [1/s].
 FRICTION, RATE = 2.0, 1000.0
-#: Of the space robot's gears: softer than the links' joints, so that the cubic part is felt.
+#: Spring of the space robot's gears: softer than the links' joints, so that the cubic part matters.
 SOFT, HARDENING = 3000.0, 3e8
 SECONDS = 20.0
 
@@ -49,7 +49,7 @@ def section() -> str:
 
 
 def _free_swings() -> str:
-    """Frequency of a free swing on the gear against its amplitude, and what friction leaves of it."""
+    """Frequency of a free swing on the gear against its amplitude, and rest position with friction."""
     rows = []
     for amplitude in AMPLITUDES:
         smooth = simulate(_swing(amplitude, 0.0), sensors=False, rtol=1e-10, atol=1e-13)
@@ -140,7 +140,7 @@ def _six_joints() -> str:
 
 
 def _swing(amplitude: float, friction: float) -> Robot:
-    """A motor that is as good as held, and a body that is pushed against it."""
+    """A practically fixed motor, and a body that is pushed against it."""
     spring = {"effect": "joint_elasticity", "at": "hinge", "stiffness": STIFFNESS, "cubic_stiffness": CUBIC}
     push = {"torque": INERTIA * _start(amplitude) / PUSH, "start": 0.0, "duration": PUSH}
     uses = [{**spring, "damping": 0.0}, {"effect": "external_torque", "at": "hinge", **push}]
@@ -164,7 +164,7 @@ def _start(amplitude: float) -> float:
 
 
 def _frequency(run: Recording) -> float:
-    """From the zero crossings of the twist [Hz]."""
+    """Frequency from the zero crossings of the twist [Hz]."""
     twist = run["hinge.position"] - run["hinge.motor_position"]
     at = np.flatnonzero((twist[:-1] < 0) & (twist[1:] >= 0))
     exact = run.time[at] - twist[at] / (twist[at + 1] - twist[at]) * np.diff(run.time)[at]

@@ -1,4 +1,4 @@
-"""Friction that follows the joint's temperature: cold, warm, and warming itself."""
+"""Temperature-dependent friction: cold, warm, and with self-heating."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ __all__ = ["section", "warmed"]
 
 MILLI = 1e3
 JOINTS = ("joint1", "joint2")
-#: Over which static friction changes by a factor of 5 and kinetic friction by one of 10 [K].
+#: Temperatures between which static friction changes by a factor of 5 and kinetic friction by 10 [K].
 COLD, WARM = 223.0, 373.0
 STATIC_RATE, KINETIC_RATE = log(5) / (WARM - COLD), log(10) / (WARM - COLD)
-#: At which friction is as the tables of this study say [K].
+#: Reference temperature of the friction in this study [K].
 REFERENCE = 293.15
-#: Viscous friction at the reference temperature [N m s/rad], and speed at which static friction has gone
+#: Viscous friction at the reference temperature [N m s/rad], and speed at which static friction has vanished
 #: [rad/s].
 VISCOUS, FALL = 40.0, 2e-3
-#: Of the joint that warms itself: capacity [J/K], resistance [K/W], so that it takes 200 s.
+#: Joint with self-heating: capacity [J/K], resistance [K/W], with a time constant of 200 s.
 CAPACITY, RESISTANCE = 20.0, 10.0
 
 INTRODUCTION = f"""\
@@ -32,14 +32,14 @@ INTRODUCTION = f"""\
 
 Ambrose and Askew measured the joints of a space robot over {COLD:g} to {WARM:g} K: static friction rose
 by a factor of 5, kinetic friction, mapped as torque against speed, by 10 or more. A joint's `thermal`
-table says its temperature (constant, a table, or a heat capacity that friction warms) and two rates:
+table gives its temperature (constant, a table, or a heat capacity heated by friction) and two rates:
 static friction is multiplied by exp(-static_rate (T - T0)), kinetic friction by exp(-kinetic_rate (T -
 T0)). The exponentials are ours; the two factors fix the rates, {STATIC_RATE:.5f} and {KINETIC_RATE:.5f}
 1/K. In `reference_model/joint/temperature.py` and `exudyn_model/effects/thermal.py`."""
 
 
 def section() -> str:
-    """The whole section."""
+    """The complete section."""
     return "\n\n".join([INTRODUCTION, _cold_and_warm(), _warming()])
 
 

@@ -1,4 +1,4 @@
-"""How much of Exudyn's time passes outside of its own code: in user functions, and what comes with them."""
+"""Fraction of Exudyn's time outside of its own code: in user functions and their overhead."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.work_precision.rivals import CompiledTrial, PythonTrial, Trial
 
 __all__ = ["outside_share"]
 
-#: Exudyn's solver: its own time is that of the engine without what it calls in Python.
+#: Exudyn's solver: its own time is that of the engine without called Python functions.
 SOLVER = "SolveSystem"
 #: The file whose functions are the compiled user functions.
 FUNCTIONS = "benchmarks/native/compiled.py"
@@ -20,12 +20,12 @@ Rows = Mapping[tuple[str, int, str], tuple[int, int, float, float, object]]
 
 
 def outside_share(trial: Trial, seconds: float) -> float:
-    """Share of a run of `seconds` that is not Exudyn's own code; 0 where no user function is called.
+    """Fraction of a run of `seconds` that is not Exudyn's own code; 0 where no user function is called.
 
-    Of compiled functions the number of calls times what one costs when it is called again and again; the
-    conversion of arguments between C++ and Python is not in it. With functions in Python the engine's own
-    time is what a profile says of its solver alone, and the rest is the functions and the building of the
-    system; profiling costs the solver little beside functions that take a hundred times as long.
+    For compiled functions the number of calls times the cost of one in a loop; the conversion of arguments
+    between C++ and Python is not included. With functions in Python the engine's own time is that of its
+    solver in a profile, and the rest is the functions and the building of the system; the profiling overhead
+    of the solver is small compared with functions that take a hundred times as long.
     """
     if isinstance(trial, CompiledTrial):
         rows = _profile(trial.prepare())

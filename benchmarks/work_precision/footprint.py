@@ -1,9 +1,9 @@
-"""What an engine costs before it runs, and its memory: each measured in a process of its own.
+"""Preparation time and memory of an engine, each measured in a separate process.
 
     python -m benchmarks.work_precision.footprint ENGINE MOTION
 
-prints one measurement as JSON; the page takes the medians of a few. Nothing but the standard library is
-imported at the head of this file, since whatever is would be in nobody's time and everybody's memory.
+prints one measurement as JSON; the page uses the medians of a few. Only the standard library is imported at
+the top of this file, since other imports would be missing in the time and included in the memory.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pathlib import Path
 
 __all__ = ["footprint_part", "measured", "peak"]
 
-#: Processes of each kind, whose medians are told; one where everything is compiled anew.
+#: Processes of each kind, whose medians are reported; one where everything is recompiled.
 TIMES = 3
 MOTIONS = ("arm, tracking", "space arm, joint control", "flexible", "flexible, LuGre")
-#: Where compiled code is kept; an empty folder means that everything is compiled.
+#: Variable of the cache of compiled code; an empty folder means that everything is compiled.
 CACHE = "MISSING_PHYSICS_CODE_CACHE"
 ROOT = Path(__file__).resolve().parents[2]
 MEGABYTE = 1024.0  # the system counts kilobytes
@@ -41,7 +41,7 @@ def _reference(motion: str) -> Mapping[str, float]:
     run = ExplicitRun(Plant(case.robot), reference_function(case.robot))
     built = time.perf_counter()
     run(case.instants, rtol=1e-6, atol=1e-8)
-    return _told(start, ready, built)
+    return _times(start, ready, built)
 
 
 def _reference_uncompiled(motion: str) -> Mapping[str, float]:
@@ -51,7 +51,7 @@ def _reference_uncompiled(motion: str) -> Mapping[str, float]:
 
     ready = time.perf_counter()
     simulate(CASES[motion].robot, sensors=False, rtol=1e-6, atol=1e-8)
-    return _told(start, ready, ready)
+    return _times(start, ready, ready)
 
 
 def _native(motion: str) -> Mapping[str, float]:
@@ -63,7 +63,7 @@ def _native(motion: str) -> Mapping[str, float]:
     run = NativeRun(CASES[motion], Setting("trapezoidal, index 2", steps=1000))
     built = time.perf_counter()
     run()
-    return _told(start, ready, built)
+    return _times(start, ready, built)
 
 
 def _compiled(motion: str) -> Mapping[str, float]:
@@ -76,7 +76,7 @@ def _compiled(motion: str) -> Mapping[str, float]:
     run = NativeRun(case, Setting("trapezoidal, index 2", steps=1000), CompiledLaws.of(case.robot))
     built = time.perf_counter()
     run()
-    return _told(start, ready, built)
+    return _times(start, ready, built)
 
 
 def _python(motion: str) -> Mapping[str, float]:
@@ -86,10 +86,10 @@ def _python(motion: str) -> Mapping[str, float]:
 
     ready = time.perf_counter()
     simulate(CASES[motion].robot, sensors=False, step=4e-3)
-    return _told(start, ready, ready)
+    return _times(start, ready, ready)
 
 
-def _told(start: float, ready: float, built: float) -> Mapping[str, float]:
+def _times(start: float, ready: float, built: float) -> Mapping[str, float]:
     end = time.perf_counter()
     return {"import": ready - start, "build": built - ready, "run": end - built, "megabytes": peak()}
 
@@ -110,11 +110,11 @@ ENGINES: Mapping[str, Callable[[str], Mapping[str, float]]] = {
 
 
 def measured(engine: str, motion: str, *, cache: str | None = None) -> Mapping[str, float]:
-    """One measurement in a fresh process, with a folder of compiled code of its own if one is given."""
+    """One measurement in a fresh process, with a separate cache of compiled code if given."""
     environment = {**os.environ, **({CACHE: cache} if cache else {})}
     words = [sys.executable, "-W", "ignore", "-m", "benchmarks.work_precision.footprint", engine, motion]
-    told = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    found: Mapping[str, float] = json.loads(told.stdout.splitlines()[-1])
+    process = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    found: Mapping[str, float] = json.loads(process.stdout.splitlines()[-1])
     return found
 
 

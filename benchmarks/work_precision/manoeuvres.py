@@ -1,10 +1,9 @@
-"""The motions over which engines are compared, and what of a motion is compared.
+"""The motions for comparing engines, and the compared quantities.
 
-Variants of the shipped robots. Where a variant leaves something out, it is so that another engine can have
-the same physics without a word of Python: Exudyn has joint springs and dampers of its own, also with a law
-given as a symbolic function, but no inverse dynamics for computed torque, no bearing loads that a friction
-law could see, and no inertia of a rotor about a joint between two free bodies. What needs those, Exudyn runs
-with user functions, compiled or in Python.
+Variants of the shipped robots. Where a variant omits something, this allows another engine to have the same
+physics without Python: Exudyn has joint springs and dampers, also with a law given as a symbolic function,
+but no inverse dynamics for computed torque, no bearing loads as inputs of a friction law, and no inertia of a
+rotor about a joint between two free bodies. For these Exudyn needs user functions, compiled or in Python.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ __all__ = ["CASES", "SAMPLES", "Case", "Course", "quantities"]
 
 Array = NDArray[np.float64]
 
-#: Instants at which a run is looked at, besides its start.
+#: Sampling instants of a run, besides its start.
 SAMPLES = 50
 
 #: Friction in the joints of the rigid arms: as of the flexible robot, scaled to them.
@@ -60,10 +59,10 @@ class Case:
         what: in words.
         robot: with controller, friction and duration.
         flexible: the goal for flexible robots applies, not the one for rigid ones.
-        native: Exudyn can run it without Python; else with compiled functions, and with Python's.
+        native: Exudyn can run it without Python; else with compiled functions, and with Python functions.
         mujoco: MuJoCo has the same physics.
-        stiff: explicit methods run away or do not come to an end, or cannot know the loads of bearings.
-        fixed: we run it at fixed steps too; compiling four stages of a long evaluation takes minutes.
+        stiff: explicit methods diverge or do not finish, or cannot compute the loads of bearings.
+        fixed: we also run it at fixed steps; compiling four stages of a long evaluation takes minutes.
         python_steps: largest steps [s] at which Exudyn runs it with Python functions.
     """
 
@@ -85,20 +84,20 @@ class Case:
 
     @property
     def instants(self) -> Array:
-        """At which it is looked at, shape (SAMPLES + 1,)."""
+        """Sampling instants, shape (SAMPLES + 1,)."""
         return np.arange(SAMPLES + 1) * (self.duration / SAMPLES)
 
 
 @dataclass(frozen=True)
 class Course:
-    """A run as it is compared: instants (N,) and quantities (N, k), in the order of `quantities`."""
+    """A run for comparison: instants (N,) and quantities (N, k), in the order of `quantities`."""
 
     time: Array
     values: Array
 
 
 def quantities(robot: Robot) -> Mapping[str, slice]:
-    """Groups of columns: joints, base position and attitude, tip deflections; those that there are."""
+    """Groups of columns: joints, base position and attitude, tip deflections, as far as they exist."""
     sizes = {"joints": len(robot.moving_joints)}
     if robot.base.kind == "free":
         sizes |= {"base position": 3, "base attitude": 4}
@@ -109,7 +108,7 @@ def quantities(robot: Robot) -> Mapping[str, slice]:
 
 
 def _lasting(robot: Robot, duration: float) -> Robot:
-    """The first part of its reference motion, looked at `SAMPLES` times."""
+    """The first part of its reference motion, sampled `SAMPLES` times."""
     assert robot.reference is not None
     settings = {"duration": duration, "sample_rate": SAMPLES / duration}
     return robot.model_copy(update={"reference": robot.reference.model_copy(update=settings)})
@@ -162,7 +161,7 @@ def _loaded(name: str) -> Robot:
 
 
 def _constant(robot: Robot) -> Robot:
-    """Its LuGre friction without what depends on loads."""
+    """Its LuGre friction without load-dependent terms."""
     kept = {name: value for name, value in LUGRE.items() if not name.startswith("load_")}
     friction = tuple(_use("lugre_friction", joint.name, kept) for joint in robot.moving_joints)
     return robot.model_copy(update={"effects": (*robot.effects, *friction)})

@@ -1,4 +1,4 @@
-"""Running trials in turn, and what can be said of them: curves of work over error, times at equal error."""
+"""Interleaved trials and their results: curves of work over error, times at equal error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["ROUNDS", "Found", "Point", "fastest", "front", "measure", "share_at"
 
 Array = NDArray[np.float64]
 
-#: Rounds over all trials of a case; medians are told. What takes longer than `LONG` [s] runs once.
+#: Rounds over all trials of a case; medians are reported. Trials longer than `LONG` [s] run once.
 ROUNDS, LONG = 5, 2.0
 #: Runs in a row whose mean is one measurement, where a run is shorter than this [s].
 SHORT, REPEATS = 2e-3, 5
@@ -35,8 +35,8 @@ class Point:
         family, method, setting: of the trial.
         seconds: median processor time of a run.
         error: against the limit of the engine's own equations, relative; see `Found`.
-        prepared: time to make it ready [s].
-        outside: share of the time outside of Exudyn's own code; see `callbacks`. None where nobody looked.
+        prepared: preparation time [s].
+        outside: fraction of the time outside of Exudyn's own code; see `callbacks`. None if not measured.
     """
 
     family: str
@@ -54,10 +54,10 @@ class Found:
 
     Attributes:
         case: the motion.
-        points: of all trials that came through.
+        points: of all successful trials.
         apart: distance of Exudyn's limit from the reference model's, by group of quantities.
         own_limit: Exudyn's errors are measured against its own limit, because the limits differ.
-        broken: trials that did not come through.
+        broken: failed trials.
     """
 
     case: Case
@@ -68,7 +68,7 @@ class Found:
 
 
 def measure(case: Case, *, rounds: int = ROUNDS) -> Found:
-    """All trials of a case, round by round, so that a busy moment meets all of them."""
+    """All trials of a case, round by round, so that a busy moment affects all of them."""
     print(f"{case.name}: the converged solution", file=sys.stderr, flush=True)
     truth = Truth(case)
     limit, apart = _limit(case, truth)
@@ -101,7 +101,7 @@ def _once(trial: Trial, before: Sequence[float]) -> float:
 
 
 def _limit(case: Case, truth: Truth) -> tuple[Array | None, Mapping[str, float]]:
-    """Exudyn's limit at the case's instants where it is to be used, and how far it is from ours."""
+    """Exudyn's limit at the case's instants if it is needed, and its distance from ours."""
     if not case.flexible and not case.stiff:
         finest = exudyn_trial(case, Setting("RK67", steps=LIMIT_STEPS[0]))
         finest.timed()
@@ -119,7 +119,7 @@ def _limit(case: Case, truth: Truth) -> tuple[Array | None, Mapping[str, float]]
 
 
 def front(points: Sequence[Point]) -> list[Point]:
-    """Points that no other beats in both time and error, by rising time."""
+    """Pareto front of points in time and error, by increasing time."""
     found: list[Point] = []
     for point in sorted(points, key=lambda p: (p.seconds, p.error)):
         if not found or point.error < found[-1].error:
@@ -128,7 +128,7 @@ def front(points: Sequence[Point]) -> list[Point]:
 
 
 def time_at(points: Sequence[Point], error: float) -> float | None:
-    """Time in which the points of one method reach an error, between them by powers; None if none does."""
+    """Time in which one method reaches an error, by log interpolation; None if it does not."""
     best = front(points)
     good = [p for p in best if p.error <= error]
     if not good:
@@ -142,7 +142,7 @@ def time_at(points: Sequence[Point], error: float) -> float | None:
 
 
 def share_at(points: Sequence[Point], families: Sequence[str], error: float) -> float | None:
-    """Share outside of Exudyn's own code of the method that reaches an error first, where it is reached."""
+    """Fraction outside of Exudyn's own code of the method that reaches an error first, if any."""
     best = fastest(points, families, error)
     if best is None:
         return None

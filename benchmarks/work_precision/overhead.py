@@ -1,4 +1,4 @@
-"""What runs of the reference model cost besides evaluating the equations, of rigid robots."""
+"""Overhead of runs of the reference model over evaluating the equations, for rigid robots."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 #: Relative tolerance of the runs.
 LOOSE = 1e-2
-#: Runs whose least time is taken, evaluations of a loop, and loops.
+#: Runs whose minimum time is used, evaluations of a loop, and loops.
 REPEATS, EVALUATIONS, LOOPS = 20, 5_000, 5
 
 

@@ -1,6 +1,6 @@
-"""Engines as they are compared: how each is made ready for a case, and run.
+"""The compared engines: preparation for a case, and run.
 
-A `Trial` is one engine at one step or tolerance. Making it ready is timed apart from running it; a run leaves
+A `Trial` is one engine at one step or tolerance. Preparation is timed separately from the run; a run stores
 the positions at `manoeuvres.SAMPLES` instants in memory, no files.
 """
 
@@ -45,7 +45,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Families, by which fastest at a given error are sought.
+#: Families; the fastest method of each at a given error is reported.
 OWN, NATIVE, MUJOCO = "reference model", "Exudyn", "MuJoCo"
 COMPILED, PYTHON = "Exudyn with compiled functions", "Exudyn with Python functions"
 EXUDYN = (NATIVE, COMPILED, PYTHON)
@@ -57,7 +57,7 @@ class Trial(ABC):
     Attributes:
         family, method: of the engine; points of one method make one curve.
         setting: step or tolerance in words.
-        prepared: time to make it ready [s], the last one's.
+        prepared: time of the last preparation [s].
     """
 
     family: ClassVar[str]
@@ -68,14 +68,14 @@ class Trial(ABC):
 
     @abstractmethod
     def prepare(self) -> Callable[[], None]:
-        """Make ready a run."""
+        """Prepare a run."""
 
     @abstractmethod
     def course(self) -> Course:
-        """What the last run gave."""
+        """Result of the last run."""
 
     def timed(self) -> float:
-        """Processor time of one run [s]; infinite where it breaks down."""
+        """Processor time of one run [s]; infinite if it fails."""
         start = time.process_time()
         run = self.prepare()
         self.prepared = time.process_time() - start
@@ -83,7 +83,7 @@ class Trial(ABC):
 
     @staticmethod
     def run_ready(run: Callable[[], None]) -> float:
-        """Processor time of what `prepare` made ready [s]; infinite where it breaks down."""
+        """Processor time of the prepared run [s]; infinite if it fails."""
         start = time.process_time()
         try:
             run()
@@ -148,7 +148,7 @@ class CompiledTrial(NativeTrial):
 
 
 class PythonTrial(Trial):
-    """`exudyn_model.simulate`: Python functions for control and friction, step control of its own."""
+    """`exudyn_model.simulate`: Python functions for control and friction, with its own step control."""
 
     family = PYTHON
 
@@ -194,7 +194,7 @@ class MujocoTrial(Trial):
         return self._run.course()
 
 
-#: Integrators of the reference model with error control; CVODES is made anew for every tolerance.
+#: Integrators of the reference model with error control; CVODES is rebuilt for every tolerance.
 METHODS = {"CVODES": None, "explicit, order 8": ExplicitRun, "Rosenbrock": RosenbrockRun}
 #: Tolerances of the reference model, and of Exudyn's method with error control.
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
@@ -207,7 +207,7 @@ MUJOCO_STEPS = (250, 500, 1000, 2000, 4000)
 
 
 def trials(case: Case, truth: Truth) -> Sequence[Trial]:
-    """Everything that is tried on a case."""
+    """All trials of a case."""
     found: list[Trial] = [trial for method in METHODS for trial in own_trials(case, truth, method)]
     if case.fixed:
         found += fixed_trials(case, truth)

@@ -1,4 +1,4 @@
-"""Whether compiled user functions give Exudyn the motion that those in Python give it."""
+"""Whether compiled user functions give the same motion in Exudyn as those in Python."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEPS = (4e-3, 2e-3)
 
 
 def same_part(cases: Sequence[Found]) -> str:
-    """How far the two are apart at equal steps."""
+    """Differences of the two at equal steps."""
     rows = []
     for found in cases:
         if not found.case.native:

@@ -35,7 +35,7 @@ VIEWED = Path("reports/work_precision.rrd")
 HISTORY = Path("reports/benchmarks_history.json")
 #: Relative errors at which times are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-#: How many times faster than Exudyn the reference model is meant to be.
+#: Goals: speed of the reference model relative to Exudyn.
 GOALS = {True: 100, False: 20}
 
 
@@ -64,7 +64,7 @@ def native_part(cases: Sequence[Found]) -> str:
 
 
 def compiled_part(cases: Sequence[Found]) -> str:
-    """The same where Exudyn needs user functions, and has them in C."""
+    """The same where Exudyn needs user functions, written in C."""
     return "\n\n".join(
         [
             "## How many times faster at equal error: Exudyn with compiled functions",
@@ -90,13 +90,13 @@ def _ratio_table(cases: Sequence[Found], family: str) -> str:
     rows = []
     for found in cases:
         if any(point.family == family for point in found.points):
-            ratios = [_told(found, family, error) for error in TARGETS]
+            ratios = [_ratio_text(found, family, error) for error in TARGETS]
             rows.append([found.case.name, str(GOALS[found.case.flexible]), *ratios])
     return table(["motion", "goal:", *(f"{error:.0e}:" for error in TARGETS)], rows)
 
 
-def _told(found: Found, family: str, error: float) -> str:
-    """The ratio; with user functions also the share they take, and the ratio without it."""
+def _ratio_text(found: Found, family: str, error: float) -> str:
+    """The ratio; with user functions also their fraction of the time, and the ratio without it."""
     ratio = _ratio(found, (family,), error)
     share = share_at(found.points, (family,), error)
     if ratio is None or not share:
@@ -177,7 +177,7 @@ def _python_ratios(found: Found) -> list[float]:
 
 
 def limit_part(cases: Sequence[Found]) -> str:
-    """How far the converged solutions are apart."""
+    """Differences of the converged solutions."""
     rows = []
     for found in cases:
         for group, apart in found.apart.items():
@@ -220,15 +220,15 @@ def method_part(cases: Sequence[Found]) -> str:
 
 
 def broken_part(cases: Sequence[Found]) -> str:
-    """What did not come through."""
-    told = [f"{found.case.name}: {what}" for found in cases for what in found.broken]
-    if not told:
+    """Failed trials."""
+    failures = [f"{found.case.name}: {what}" for found in cases for what in found.broken]
+    if not failures:
         return ""
-    return "Runs that broke down and are left out: " + "; ".join(told) + "."
+    return "Runs that broke down and are left out: " + "; ".join(failures) + "."
 
 
 def bench_part(path: Path = HISTORY) -> str:
-    """How long the last run of `make bench` on this machine took; empty where none is known."""
+    """Duration of the last run of `make bench` on this machine; empty if unknown."""
     timed = [row for row in read(path) if row.seconds >= 0]
     if not timed:
         return ""
@@ -266,7 +266,7 @@ def _lines(cases: Sequence[Found]) -> Iterator[str]:
     )
     yield paragraph(
         "A run goes from the initial state to positions at",
-        f"{SAMPLES} instants in memory. Making ready is not in it, and is told",
+        f"{SAMPLES} instants in memory. Preparation is not included and is given",
         "[below](#making-ready-and-memory):",
         "compiling and building for us, assembling for Exudyn. Error: the largest rms over",
         "the motion of a joint",

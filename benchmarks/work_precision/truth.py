@@ -1,4 +1,4 @@
-"""The converged solution of a motion, by which errors are measured."""
+"""The converged solution of a motion, against which errors are measured."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST_STEPS = 100_000
 
 
 def closed_loop(robot: Robot) -> tuple[Plant, ca.Function, Mapping[str, ca.SX]]:
-    """Plant, reference, and the closed loop as CVODES takes it."""
+    """Plant, reference, and the closed loop for CVODES."""
     plant, reference = Plant(robot), reference_function(robot)
     t, x, _ = symbols(reference, plant.layout.size)
     goal = reference(t)
@@ -93,6 +93,6 @@ class Truth:
         return found
 
     def error(self, course: Course, right: Array | None = None) -> float:
-        """The largest of `errors`; infinite where the run broke down."""
+        """The largest of `errors`; infinite if the run failed."""
         largest = max(self.errors(course, right).values())
         return largest if np.isfinite(largest) else np.inf

@@ -1,4 +1,4 @@
-"""The yardstick: every real machine with its runs to fit and to hold out, and what is known of it."""
+"""The yardstick: every real machine with its fitted and held-out runs, and known effects."""
 
 from benchmarks.yardstick.loading import Loaded, load, robot_of
 from benchmarks.yardstick.machines import Known, Machine, Run, machine, rows

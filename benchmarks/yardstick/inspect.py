@@ -1,9 +1,9 @@
-"""What every recording of the yardstick holds, as one table on stdout.
+"""Content of every recording of the yardstick, as one table on stdout.
 
     python -m benchmarks.yardstick.inspect [NAME...]
 
-The recordings come from the folder that `MISSING_PHYSICS_DATA` names, or from the cache; a machine whose
-recordings are not there is told in a sentence. Nothing is written.
+The recordings come from the folder `MISSING_PHYSICS_DATA`, or from the cache; a machine without recordings is
+reported. Nothing is written.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ COLUMNS = ("machine", "run", "Hz", "s", "joints", "torque from", "position noise
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table, of all machines or of those that are named."""
+    """Print the table, for all machines or the named ones."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="What every recording of the yardstick holds.")
     parser.add_argument("names", nargs="*", help="rows of the table; all when left out")
     given = parser.parse_args(arguments)

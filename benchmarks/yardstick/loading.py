@@ -22,7 +22,7 @@ class Loaded:
     Attributes:
         robot: nominal.
         fit, held_out: recordings, in the order of the row's runs.
-        notes: what reading the robot file has to say.
+        notes: on reading the robot file.
     """
 
     robot: Robot
@@ -39,7 +39,7 @@ def load(machine: Machine, *, download: bool = False) -> Loaded:
         download: fetch the dataset where it is not on this machine.
 
     Raises:
-        InputError: the dataset is not here, in a sentence that says how to get it, or a file is unusable.
+        InputError: the dataset is missing (the message says how to get it), or a file is unusable.
     """
     folder = _folder(machine, download=download)
     robot, notes = _robot(machine, folder)
@@ -83,7 +83,7 @@ def _recording(machine: Machine, run: Run, folder: Path, robot: Robot) -> Record
 
 
 def _source(machine: Machine, run: Run, folder: Path) -> tuple[Path, str]:
-    """The run's file and its map; those of the published layout where that is what the folder holds."""
+    """The run's file and its map; those of the published layout if the folder has that."""
     if (folder / run.file).is_file():
         return folder / run.file, run.map or machine.map
     if machine.published is None:

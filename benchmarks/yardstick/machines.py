@@ -46,14 +46,14 @@ class Run(_Entry):
 
 
 class Known(_Entry):
-    """An effect that is in the real machine and not in its robot file.
+    """An effect of the real machine that its robot file lacks.
 
     Attributes:
         effect: id in the catalogue.
         at: joint, link or channel.
-        values: parameters that somebody published, by name, in SI units.
-        words: what the numbers do not say.
-        source: who says so.
+        values: published parameters, by name, in SI units.
+        words: remarks.
+        source: of the publication.
     """
 
     effect: str
@@ -64,7 +64,7 @@ class Known(_Entry):
 
 
 class Published(_Entry):
-    """How the published files are read, where they are laid out otherwise than the prepared ones.
+    """Reading of the published files, if their layout differs from the prepared ones.
 
     Attributes:
         map: map file in the example's folder.
@@ -82,13 +82,13 @@ class Machine(_Entry):
         name: of the row.
         dataset: of `missing_physics.recordings.datasets`; also the folder under `examples/`.
         robot: TOML file of that folder, or, with an overlay, a URDF or MJCF file of the dataset.
-        overlay: TOML file of that folder which is put over `robot`; empty for none.
+        overlay: TOML file of that folder applied to `robot`; empty for none.
         map: map file of that folder.
         published: for files laid out as published; None where the same map reads both.
         fit, held_out: runs.
-        joints: those in question; all that move where empty.
-        known: effects that are there.
-        remark: what cannot be carried, or has to be known to read the row.
+        joints: the relevant joints; all moving ones if empty.
+        known: effects of the machine.
+        remark: limitations, or remarks needed to read the row.
     """
 
     name: str

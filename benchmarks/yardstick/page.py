@@ -1,4 +1,4 @@
-"""The page of the real machines: what was answered beside what is known, joint by joint."""
+"""The page of the real machines: answers compared with known effects, joint by joint."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from robot_model import Robot
 
 __all__ = ["impossible", "page", "worse"]
 
-#: An answer may predict held-out torque worse than the standard model by this much: what is not significant.
+#: Insignificant factor by which an answer may predict held-out torque worse than the standard model.
 NO_WORSE = 1.02
-#: And is clearly better where its error is lower by this part.
+#: An answer is clearly better if its error is lower by this fraction.
 CLEARLY = 0.9
-#: Re-estimated numbers that are listed of each row, those that moved farthest beyond what was credible.
+#: Number of re-estimated parameters listed for each row, those farthest beyond their prior.
 MOST = 3
 HEADINGS = ("joint", "unit", "nominal:", "standard:", "answer:", "noise:", "answer / standard:")
 
 
 def page(command: str, chosen: Sequence[Machine], answers: Sequence[Answer], robots: Sequence[Robot]) -> str:
-    """The whole page.
+    """The complete page.
 
     Args:
         command: that makes it.
         chosen: rows.
         answers: of each row.
-        robots: of each row, as described.
+        robots: nominal robot of each row.
     """
     parts = [head("The yardstick: real machines", command=command), INTRODUCTION]
     parts.append(_counts(answers, robots))
@@ -65,8 +65,8 @@ def _counts(answers: Sequence[Answer], robots: Sequence[Robot]) -> str:
     faults = sum(found.refused.startswith("FAULT") for found in answers)
     refused = sum(bool(found.refused) for found in answers) - faults
     odd = [what for found, robot in zip(answers, robots) for what in impossible(found, robot)]
-    told = [found for found in answers if found.diagnosis]
-    silent = [f"{joint} of {a.machine}" for a in told for joint in (a.diagnosis or {})["not_judged"]]
+    diagnosed = [found for found in answers if found.diagnosis]
+    silent = [f"{joint} of {a.machine}" for a in diagnosed for joint in (a.diagnosis or {})["not_judged"]]
     commits = ", ".join(sorted({found.commit for found in answers}))
     lines = [
         f"{len(answers)} rows, {refused} of them refused in a sentence and {faults} ended in a fault; "
@@ -83,7 +83,7 @@ def _counts(answers: Sequence[Answer], robots: Sequence[Robot]) -> str:
 
 
 def _overview(answers: Sequence[Answer]) -> str:
-    """Verdict, what is left, and costs, one line for each row."""
+    """Verdict, residual, and cost, one line for each row."""
     rows = []
     for found in answers:
         verdict = "refused" if found.diagnosis is None else found.diagnosis["verdict"]
@@ -125,7 +125,7 @@ def worse(answers: Sequence[Answer]) -> Iterator[tuple[str, str, float]]:
 
 
 def impossible(found: Answer, robot: Robot) -> Iterator[str]:
-    """What is named of one machine with numbers that no machine has."""
+    """Named effects of one machine with values that no machine has."""
     for finding in found.diagnosis["findings"] if found.diagnosis else ():
         values = {name: e["value"] for name, e in finding["parameters"].items() if e["value"] is not None}
         if finding["effect"] != "torque_saturation" or "limit" in values:
@@ -143,21 +143,27 @@ def _row(row: Machine, found: Answer) -> Iterator[str]:
     if found.diagnosis is None:
         yield f"Not diagnosed: {found.refused} {spent}"
         return
-    told = found.diagnosis
+    diagnosis = found.diagnosis
     named = [
         f"{f['effect']} at {f['location']} ({f['probability']:.2f}; {_values(f['parameters'])})"
-        for f in told["findings"]
+        for f in diagnosis["findings"]
     ]
-    sentences = [f"Verdict **{told['verdict']}**. Named: {'; '.join(named) or 'nothing'}.", *_moved(told)]
-    if told["comparison"]["words"]:
-        sentences.append(told["comparison"]["words"])
-    if told["unnamed"]:
-        sentences.append("Forces without a name: " + " ".join(one["words"] for one in told["unnamed"]))
-    timing = list(_timing(told["timing"]))
+    sentences = [
+        f"Verdict **{diagnosis['verdict']}**. Named: {'; '.join(named) or 'nothing'}.",
+        *_moved(diagnosis),
+    ]
+    if diagnosis["comparison"]["words"]:
+        sentences.append(diagnosis["comparison"]["words"])
+    if diagnosis["unnamed"]:
+        sentences.append("Forces without a name: " + " ".join(one["words"] for one in diagnosis["unnamed"]))
+    timing = list(_timing(diagnosis["timing"]))
     if timing:
         sentences.append(f"Delay of the torque: {'; '.join(timing)}.")
     yield " ".join([*sentences, spent])
-    lines = [*_lines(found), *((joint, "", "not judged", "", "", "", "") for joint in told["not_judged"])]
+    lines = [
+        *_lines(found),
+        *((joint, "", "not judged", "", "", "", "") for joint in diagnosis["not_judged"]),
+    ]
     if lines:
         yield table(HEADINGS, lines)
 
@@ -173,11 +179,11 @@ def _lines(found: Answer) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _moved(told: Mapping[str, Any]) -> Iterator[str]:
-    """Numbers of the robot file that lie where they could not credibly be expected."""
+def _moved(diagnosis: Mapping[str, Any]) -> Iterator[str]:
+    """Parameters of the robot file with estimates outside their credible range."""
     moved = [
         f"{c['name']} {number(c['estimate'])} {c['unit']} (file {number(c['nominal'])})"
-        for c in told["nominal_changes"]
+        for c in diagnosis["nominal_changes"]
         if None not in c["prior95"] and not c["prior95"][0] <= c["estimate"] <= c["prior95"][1]
     ]
     if moved:

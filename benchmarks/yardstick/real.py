@@ -2,8 +2,8 @@
 
     python -m benchmarks.yardstick.real [NAME...] [--again] [--label engine-1] [--patience 600]
 
-Settings are the same for all machines. Answers are kept under `reports/yardstick/LABEL/`, so that an
-interrupted run goes on; the page is written from them.
+Settings are the same for all machines. Answers are stored under `reports/yardstick/LABEL/`, so that an
+interrupted run can be continued; the page is written from them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ COMMAND = "python -m benchmarks.yardstick.real"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Diagnose all machines, or those that are named, and write the page."""
+    """Diagnose all or the named machines, and write the page."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="Every real machine diagnosed.")
     parser.add_argument("names", nargs="*", help="rows of the table; all when left out")
     parser.add_argument("--again", action="store_true", help="diagnose rows that were answered before, too")

@@ -1,7 +1,7 @@
-"""One row of the yardstick diagnosed in a process of its own, with its time and memory.
+"""One row of the yardstick diagnosed in a separate process, with its time and memory.
 
-A row that was diagnosed already is not done again unless asked for: its answer is kept as one JSON file, so
-that a long run goes on where it was interrupted.
+A diagnosed row is not repeated unless requested: its answer is stored as one JSON file, so that an
+interrupted run can be continued.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from robot_model import InputError
 
 __all__ = ["PATIENCE", "Answer", "answer", "answers_folder"]
 
-#: A diagnosis that takes longer than this is given up, and the row says so [s].
+#: Time after which a diagnosis is aborted, which the row reports [s].
 PATIENCE = 1800.0
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of one row.
+    """Result of one row.
 
     Attributes:
         machine: name of the row.
         commit: of the program that answered.
         diagnosis: `diagnosis.json` as a mapping; None where there is none.
-        refused: the sentence with which the input was refused, or what went wrong; "" else.
+        refused: the message with which the input was refused, or the failure; "" else.
         seconds: processor time [s].
         megabytes: peak memory [MB].
     """
@@ -51,12 +51,12 @@ class Answer:
 
 
 def answers_folder(root: Path, label: str) -> Path:
-    """Where answers of the program called `label` are kept."""
+    """Folder of the answers of the program version `label`."""
     return root / "reports" / "yardstick" / label
 
 
 def answer(row: Machine, folder: Path, *, again: bool = False, patience: float = PATIENCE) -> Answer:
-    """Diagnose one row, or read what was answered before; given up after `patience` [s]."""
+    """Diagnose one row, or read its stored answer; aborted after `patience` [s]."""
     kept = folder / f"{row.name}.json"
     if kept.is_file() and not again:
         return Answer(**json.loads(kept.read_text("utf-8")))
@@ -89,7 +89,7 @@ def _received(row: Machine, receiving: Any, worker: Any, patience: float) -> Ans
 
 
 def _diagnose(name: str, sending: Any) -> None:
-    """In the child: load, diagnose, send what came of it."""
+    """In the child: load, diagnose, send the result."""
     outcome: dict[str, Any] = {"diagnosis": None, "refused": ""}
     try:
         loaded = load(machine(name))

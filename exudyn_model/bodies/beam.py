@@ -33,7 +33,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Squared frequencies, and amplitudes, nearer than this to each other are equal but for rounding.
+#: Squared frequencies, and amplitudes, closer than this count as equal up to rounding.
 SAME_SQUARE = 1e-6
 #: Degrees of freedom of a node.
 SIX = 6
@@ -71,11 +71,11 @@ class Shapes:
 
 
 def beam_nodes(beam: Beam) -> tuple[Node, ...]:
-    """The nodes of a beam with its tip body, hub left out."""
+    """The nodes of a beam with its tip body, without hub."""
     area, _, second_y, second_z = beam.section.figures
     h = beam.length / beam.elements
     half = 0.5 * beam.density * area * h
-    # Each half of an element, m/2, is a rod of length h/2 beside its node; docs/theory.md (4) says how much.
+    # Each half of an element, m/2, is a rod of length h/2 at its node; see docs/theory.md (4).
     swing = 2 * half * h**2 / 24
     moments = 0.5 * beam.density * h * np.array([second_y + second_z, second_y, second_z])
     moments += [0.0, swing, swing]
@@ -132,7 +132,7 @@ def _rising(stiffness: Array, mass: Array, *, definite: bool) -> tuple[Array, Ar
 
 
 def settled(columns: Array, squares: Array, turn: Callable[[Array], Array]) -> Array:
-    """Modes as columns, those of equal frequency turned among themselves by the matrix that `turn` gives."""
+    """Modes as columns, those of equal frequency rotated within their subspace by the matrix from `turn`."""
     found = columns.copy()
     edges = [0, *(np.flatnonzero(np.diff(squares) > SAME_SQUARE * squares[1:]) + 1), len(squares)]
     for start, stop in pairwise(int(edge) for edge in edges):
@@ -157,7 +157,7 @@ def signed(translations: Array, rotations: Array, length: float) -> Array:
 
 
 def kept_modes(body: Modes, frequencies: Array) -> int:
-    """How many of the modes are kept."""
+    """Number of modes that are kept."""
     if body.modes is not None:
         return body.modes
     count = int(np.sum(frequencies <= 2 * pi * (body.highest_frequency or inf)))

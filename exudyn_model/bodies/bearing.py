@@ -1,4 +1,4 @@
-"""What a joint's bearing carries, and the friction moment that this weighs."""
+"""The load of a joint's bearing, and the friction moment that depends on it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Load:
-    """What a joint's bearing carries; vectors all in the same axes, whichever they are.
+    """The load of a joint's bearing; all vectors in the same, arbitrary axes.
 
     Attributes:
         radial: force across the axis, [N], shape (3,).
         axial: force along it [N], signed.
-        bending: moment about the joint's centre [N m], shape (3,); across the axis of a
-            revolute joint, the whole of a prismatic one's.
+        bending: moment about the joint's centre [N m], shape (3,); perpendicular to the axis of a revolute
+            joint, the entire moment of a prismatic one.
         axis: unit vector, shape (3,).
     """
 
@@ -36,7 +36,7 @@ class Load:
     def of(cls, kind: str, force: Array, moment: Array, axis: Array) -> Load:
         """From the force on the outboard body and the moment about the joint's centre [N, N m].
 
-        The guide of a prismatic joint carries no force along its axis, the drive does, but the whole moment.
+        The guide of a prismatic joint carries no force along its axis (the drive does) but the entire moment.
         """
         along = float(force @ axis)
         if kind == "prismatic":

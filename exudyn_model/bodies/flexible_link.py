@@ -1,6 +1,6 @@
-"""A flexible link by its modes, as plain numbers: nodes, shapes, masses, and how a node moves.
+"""A flexible link by its modes, as plain numbers: nodes, shapes, masses, and the motion of a node.
 
-A node at rho0 with shapes Phi, Psi is at ``rho = rho0 + Phi x`` in the link's frame, and turned by the unit
+A node at rho0 with shapes Phi, Psi is at ``rho = rho0 + Phi x`` in the link's frame, and rotated by the unit
 quaternion along (1, Psi x / 2). Where bending shortens a beam, it moves by -1/2 x^T B x along the axis, too.
 """
 
@@ -26,9 +26,9 @@ __all__ = ["FlexibleLink", "NodeMotion", "flexible_link", "rigid_mass"]
 
 Array = NDArray[np.float64]
 
-#: How far from a node a joint may sit, as a part of the body's size.
+#: Tolerated distance of a joint from a node, relative to the body's size.
 NEAR = 1e-6
-#: Bodies remembered at once: more than any one robot has.
+#: Number of cached bodies: more than any one robot has.
 HELD = 64
 
 
@@ -63,10 +63,10 @@ class FlexibleLink:
         nodes: undeformed places in the link's frame [m], shape (N, 3).
         shapes: its modes.
         damping: of the modal coordinates [1/s], shape (s, s).
-        points: its masses, hub left out.
-        root: node that the inboard joint holds.
-        tip: node that tip channels are about.
-        surplus: inertia that its points do not have; None where there is none.
+        points: its masses, without hub.
+        root: node at the inboard joint.
+        tip: node of the tip channels.
+        surplus: inertia in addition to that of its points; None where there is none.
         shortened: B of every node of a beam that stiffens, shape (N, s, s); None of others.
         rigid_frame: joints may sit anywhere on its frame, which does not deform.
     """
@@ -107,7 +107,7 @@ class FlexibleLink:
         return node
 
     def motion(self, node: int, x: Array, v: Array) -> NodeMotion:
-        """How a node moves in the link's frame at modal coordinates `x` with rates `v`."""
+        """Motion of a node in the link's frame at modal coordinates `x` with rates `v`."""
         phi, psi = self.shapes.translations[node], self.shapes.rotations[node]
         angle, rate = psi @ x, psi @ v
         size = 1 + 0.25 * float(angle @ angle)
@@ -137,7 +137,7 @@ def flexible_link(link: Link, strength: float = 1.0) -> FlexibleLink:
 
     Args:
         link: its description.
-        strength: share of its shortening that takes part where it is a beam that stiffens.
+        strength: fraction of its shortening that is included, for a beam that stiffens.
 
     Raises:
         InputError: the link has no such modes.
@@ -158,11 +158,11 @@ def rigid_mass(link: Link) -> tuple[float, Array, Array]:
 
 
 def _stamp(file: str) -> tuple[int, int]:
-    """Changes when the file does, so that what is remembered of it is read anew."""
+    """A stamp that changes with the file, so that a changed file is read again."""
     try:
         state = Path(file).stat()
     except (OSError, ValueError):
-        return 0, 0  # the reader tells what is wrong with it
+        return 0, 0  # the reader reports the error
     return state.st_mtime_ns, state.st_size
 
 
@@ -217,7 +217,7 @@ def _beam(name: str, beam: Beam, strength: float) -> FlexibleLink:
 
 
 def _sprung(name: str, sprung: SprungMass) -> FlexibleLink:
-    """The frame's origin, which a joint holds, and the mass, whose displacements are its coordinates."""
+    """The frame's origin, where the joint is, and the mass, whose displacements are its coordinates."""
     frequency = 2 * np.pi * sprung.frequency
     shape = np.eye(3) / np.sqrt(sprung.mass)
     shapes = Shapes(

@@ -1,9 +1,9 @@
-"""Modes and masses of a body of somebody's own finite elements.
+"""Modes and masses of a body from other finite element software.
 
 Its matrices may couple displacements with rotations. Exudyn's modal body has points with displacements only:
 the displacements' mass, the mean of the three directions, goes to the nodes, and rotary inertia to points
-beside them that turn with them. Whatever else the matrices say of the rigid body and of its couplings with
-small deflections is kept as a `Surplus`.
+around them that rotate with them. All other terms of the matrices for the rigid body and its couplings with
+small deflections are kept as a `Surplus`.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ Array = NDArray[np.float64]
 
 #: Degrees of freedom of a node with rotations.
 SIX = 6
-#: Part of its size that rounding leaves of what should be zero, in files of single precision.
+#: Relative tolerance for values that should be zero, in files of single precision.
 SINGLE = 1e-6
-#: Part of its size that is rounding of the integrals.
+#: Relative rounding error of the integrals.
 ROUNDING = 1e-12
-#: Up to this many rows all modes are found at once; of more, the lowest by iteration.
+#: Up to this many rows all modes are computed directly; beyond, the lowest by iteration.
 DENSE = 1500
-#: Modes found beyond those kept, so that a group of equal frequencies is whole.
+#: Modes computed beyond those kept, so that a group of equal frequencies is complete.
 SPARE = 6
 #: Lowest over highest squared frequency below which a part of the body is loose.
 LOOSE = 1e-14
-#: Neighbours that tell the rotation of a node without rotations.
+#: Neighbours that determine the rotation of a node without rotations.
 NEIGHBOURS = 12
 
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """What a file says of a body.
+    """A body as defined by a file.
 
     Attributes:
         nodes: places in the link's frame [m], shape (N, 3).
-        shapes: modes, in rising order.
+        shapes: modes, in increasing order.
         points: its masses.
-        surplus: inertia that the points do not have; None where there is none.
+        surplus: inertia in addition to that of the points; None where there is none.
         mass: [kg].
         first_moment: [kg m], shape (3,).
         inertia: about the frame's origin [kg m^2], shape (3, 3).
-        tip: node that tip channels are about.
+        tip: node of the tip channels.
     """
 
     nodes: Array
@@ -264,9 +264,9 @@ def _turns(mesh: _Mesh, body: ModalBody, parts: Array) -> Array:
 
 
 def _points(mesh: _Mesh, parts: Array) -> Points:
-    """The nodes and, of those with rotations, three points each, as far off as the body is large.
+    """The nodes and, for those with rotations, three points each at a distance of the body's size.
 
-    The direction e_a of a node is d_a = (u_na - u_n) / l + e_a in the turned body. With the rotary inertia J
+    The direction e_a of a node is d_a = (u_na - u_n) / l + e_a in the rotated body. With the rotary inertia J
     between two nodes, ``sum (tr J / 2 - J)_ac d_a.d_c`` is the sum over the points that make it up.
     """
     step, count = mesh.freedoms, len(mesh.nodes)
@@ -298,7 +298,7 @@ def _first(whole: Array) -> Array:
 
 
 def _surplus(points: Points, whole: Array, coupling: Array) -> Surplus | None:
-    """What rigid motions and modes have in the matrices beyond that of the points."""
+    """Inertia of rigid motions and modes in the matrices, minus that of the points."""
     own, count = moments_of(points), coupling.shape[1]
     pairs = (
         (_first(whole), own.first[:, 0]),

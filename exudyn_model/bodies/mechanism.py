@@ -1,7 +1,7 @@
 """The robot as a tree of moving bodies, each turning about or sliding along its own z axis.
 
-A frame is turned so that the joint axis becomes z, which is what Exudyn's tree wants, and links on fixed
-joints are welded to the body that carries them. Everything here is numbers; nothing depends on the state.
+A frame is rotated so that the joint axis becomes z, as Exudyn's tree requires, and links on fixed joints are
+welded to the body that carries them. Everything here is constant; nothing depends on the state.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Mass:
         )
 
     def seen_from(self, rotation: Array, origin: Array) -> Mass:
-        """The same body in an outer frame: `rotation` turns into its axes, `origin` is ours in it."""
+        """The same body in an outer frame: `rotation` to its axes, `origin` of this frame in it."""
         h = rotation @ self.first_moment
         o, cross = skew(origin), skew(rotation @ self.first_moment)
         inertia = rotation @ self.inertia @ rotation.T - o @ cross - cross @ o - self.mass * o @ o
@@ -121,9 +121,9 @@ class Mechanism:
         gravity: inertial frame [m/s^2], shape (3,).
         free: the base floats.
         base_rotation, base_position: of the base in the inertial frame at the start.
-        coordinate: from member to place in joint-space vectors.
-        coupled: what the rotors' mass matrix on the joints has besides its diagonal, where motors move
-            several joints, shape (n, n) [kg m^2, kg m or kg]; None without any.
+        coordinate: from member to index in joint-space vectors.
+        coupled: off-diagonal part of the rotors' mass matrix on the joints, where motors move several
+            joints, shape (n, n) [kg m^2, kg m or kg]; None without any.
     """
 
     members: tuple[Member, ...]
@@ -147,9 +147,9 @@ def mechanism_of(
 
     Args:
         robot: the description.
-        added: body name (a link or `base`) to what is added in that body's own frame.
+        added: body name (a link or `base`) to mass properties added in that body's own frame.
         added_gravity: inertial frame [m/s^2], shape (3,).
-        apart: places of the drives whose rotor moves by itself, and is no part of the mechanism.
+        apart: indices of the drives with a separate rotor coordinate, not part of the mechanism.
     """
     added = added or {}
     rotors = Transmissions(robot).inertia(robot, apart)

@@ -43,7 +43,7 @@ class ModalInertia:
         return whole if self._link.surplus is None else whole + self._link.surplus.mass(x)
 
     def force(self, omega: Array, x: Array, v: Array, gravity: Array) -> Array:
-        """Weight, elastic and damping forces, and those of turning and bending, shape (6 + s,).
+        """Weight, elastic, damping and velocity-dependent forces, shape (6 + s,).
 
         Args:
             omega: angular velocity of the frame in its axes [rad/s], shape (3,).

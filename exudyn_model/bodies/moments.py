@@ -1,4 +1,4 @@
-"""Moments of a flexible link's masses, constant in its frame, and what points alone do not tell of them.
+"""Moments of a flexible link's masses, constant in its frame, and corrections to those of its points.
 
 All displacements are affine in the modal coordinates x: with z = (1, x), ``rho = R z`` of every point, so
 that every inertial sum is one of the constants ``sum m R`` and ``sum m R_p R_q^T``.
@@ -92,12 +92,12 @@ def axial(moments: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Surplus:
-    """Inertia beyond that of points with linear displacements: its share of the kinetic energy.
+    """Inertia in addition to that of points with linear displacements, as a kinetic energy.
 
-    With the velocity v and the angular velocity w of the frame in its own axes, that share is half of
-    (v, w, xd) M (v, w, xd). A beam that stiffens moves node k by -1/2 x^T B_k x along its axis e besides, to
-    the second order in x: G = sum m_k B_k, W = sum m_k (rho_k.e) B_k, all nodes on the axis. A mass matrix
-    that couples displacements with rotations has first moments, inertia and modal couplings of its own.
+    With the velocity v and the angular velocity w of the frame in its own axes, this energy is half of
+    (v, w, xd) M (v, w, xd). A beam that stiffens also moves node k by -1/2 x^T B_k x along its axis e, to
+    second order in x: G = sum m_k B_k, W = sum m_k (rho_k.e) B_k, all nodes on the axis. A mass matrix
+    that couples displacements with rotations adds first moments, inertia and modal couplings.
 
     Attributes:
         first: first moment [kg m], shape (3,).
@@ -156,10 +156,10 @@ class Surplus:
         )
 
     def force(self, omega: Array, x: Array, v: Array) -> Array:
-        """Minus what M's change and the frame's turning add to M times accelerations, shape (6 + s,).
+        """Velocity-dependent forces, to be added to -M times accelerations, shape (6 + s,).
 
-        From the share of the kinetic energy by the equations of Boltzmann and Hamel in the frame's axes, with
-        the inertial acceleration of its origin among the accelerations.
+        From this kinetic energy by the equations of Boltzmann and Hamel in the frame's axes, with the
+        inertial acceleration of its origin among the accelerations.
         """
         moment, change = self.weight(x)
         swept, bent = cross(self.axis, cross(self.axis, omega)), self.lever @ x

@@ -12,9 +12,9 @@ __all__ = ["outriggers"]
 
 Array = NDArray[np.float64]
 
-#: Share of a node's mass in each of the six points around it: with 1/12 half of it stays at the node.
+#: Fraction of a node's mass in each of the six points around it: with 1/12 half of it stays at the node.
 SHARE = 1 / 12
-#: Relative to the largest moment: what rounding leaves of one that is zero.
+#: Rounding error of a zero moment, relative to the largest one.
 NO_MOMENT = 1e-12
 
 
@@ -29,7 +29,7 @@ def outriggers(node: Node) -> tuple[Array, float]:
         raise InputError("a tip's moments of inertia break the triangle inequality; no body has such.")
     mass = SHARE * node.mass
     if mass == 0:
-        mass = float(moments.sum())  # of a massless node with inertia; its own point then takes it off again
+        mass = float(moments.sum())  # of a massless node with inertia; its own point then subtracts it
     if mass == 0:
         return np.zeros((6, 3)), 0.0
     arms = (axes * np.sqrt(np.maximum(second, 0.0) / (2 * mass))).T

@@ -1,4 +1,4 @@
-"""Rotations as 3 x 3 arrays and unit quaternions (w, x, y, z); all of them turn body into outer axes."""
+"""Rotations as 3 x 3 arrays and unit quaternions (w, x, y, z); all transform body to outer axes."""
 
 from __future__ import annotations
 

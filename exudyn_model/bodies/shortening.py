@@ -1,4 +1,4 @@
-"""How bending shortens a beam: the half of the squared slopes, integrated from its root."""
+"""Shortening of a beam by bending: half of the squared slopes, integrated from its root."""
 
 from __future__ import annotations
 

@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 
 
 class Transmissions:
-    """The transmissions of a robot; vectors are in the order of its moving joints, motors in their places.
+    """The transmissions of a robot; vectors are in the order of its moving joints and drives.
 
     Attributes:
-        motors: name of each motor to its place; a joint with a motor of its own is none of them.
+        motors: name of each motor to its index; joints with their own motor are not included.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -45,14 +45,14 @@ class Transmissions:
         return (self._there @ motors).tolist() if self.motors else list(motors)
 
     def forces_on_joints(self, motors: Sequence[float]) -> list[float]:
-        """Forces on the joints that forces on the motors make [N m or N]."""
+        """Forces on the joints due to forces on the motors [N m or N]."""
         return (motors @ self._back).tolist() if self.motors else list(motors)
 
     def forces_on_motors(self, joints: Sequence[float]) -> list[float]:
-        """Forces on the motors that forces on the joints ask for [N m or N]."""
+        """Forces on the motors required for forces on the joints [N m or N]."""
         return (joints @ self._there).tolist() if self.motors else list(joints)
 
     def inertia(self, robot: Robot, apart: Collection[int] = ()) -> Array:
-        """Mass matrix of the rotors on the joints, shape (n, n), but for those `apart`, by their places."""
+        """Mass matrix of the rotors on the joints, shape (n, n), without the drives with index in `apart`."""
         rotors = [0.0 if k in apart else drive.reflected_inertia for k, drive in enumerate(robot.drives)]
         return np.asarray((self._back.T * rotors) @ self._back)

@@ -1,4 +1,4 @@
-"""What a control law is, and what it sees."""
+"""The interface of control laws, and their inputs."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ Goal = tuple[float, float, float]
 
 @dataclass(slots=True)
 class JointState:
-    """What a controller measures.
+    """Measurements of a controller.
 
     Attributes:
         time: [s].
         position, velocity: of the moving joints in the order of the file [rad or m, per s].
         base: of a free base; None on a fixed one.
-        loads: friction moments W of the bearings [N m], where something depends on them.
-        motor_position, motor_velocity: of the motors that move by themselves, at the joint side of the gear,
+        loads: friction moments W of the bearings [N m], where needed.
+        motor_position, motor_velocity: of motors with their own coordinate, at the joint side of the gear,
             in the order of their joints [rad or m, per s].
-        inner: of spherical joints and bent links, for controllers whose model has them.
+        inner: state of spherical joints and flexible links, for controllers whose model has them.
     """
 
     time: float
@@ -45,7 +45,7 @@ class JointState:
 
 
 def initial_joints(robot: Robot) -> JointState:
-    """The state that the description starts from, motors that move by themselves left out."""
+    """The initial state of the description, without separate motor coordinates."""
     base = None
     if robot.base.kind == "free":
         place, still = np.asarray(robot.base.position, dtype=float), np.zeros(3)
@@ -61,17 +61,17 @@ class ControlLaw(ABC):
 
     #: The integral of the position errors is used.
     integrates = False
-    #: A wrench on the base comes with the torques.
+    #: The controller outputs a wrench on the base besides the torques.
     holds_base = False
-    #: Its torques change much with positions and velocities within a step of the solver, whose iterations
-    #: then need their slopes.
+    #: Its torques change strongly with positions and velocities within a step of the solver, whose iterations
+    #: then need their derivatives.
     stiff = True
-    #: Its model has spherical joints or bent links, whose state it needs; of the latter these.
+    #: Its model has spherical joints or flexible links, whose state it needs; the names of the latter.
     needs_inner = False
     bent_links: tuple[str, ...] = ()
     #: Its torques are of the drives behind their gears, not of the joints.
     at_drives = False
-    #: It keeps states of its own; `begin` and `accept` move them on.
+    #: It has its own states; `begin` and `accept` advance them.
     remembers = False
 
     def __init__(self, robot: Robot, *, sample_time: float = 0.0) -> None:
@@ -90,11 +90,11 @@ class ControlLaw(ABC):
         """What is held between ticks; `integral` is that of reference minus position [rad s or m s]."""
 
     def torque(self, output: Sequence[float], state: JointState) -> list[float]:
-        """Actuator torque at the joint [N m or N] that an output gives now."""
+        """Present actuator torque at the joint [N m or N] for a held output."""
         return list(output)
 
     def voltage(self, output: Sequence[float]) -> list[float] | None:
-        """Winding voltages [V] of a voltage drive; None of any other."""
+        """Winding voltages [V] of a voltage drive; None for any other."""
         return None
 
     def wrench(self, output: Sequence[float]) -> list[float]:

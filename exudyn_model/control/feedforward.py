@@ -1,4 +1,4 @@
-"""Friction feed-forward: what a controller expects friction to take along the reference."""
+"""Friction feed-forward: the friction expected along the reference."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FrictionFeedforward:
 
     @property
     def needs_loads(self) -> bool:
-        """Some joint's part depends on the nominal load of its bearing."""
+        """Whether the feed-forward of a joint depends on the nominal load of its bearing."""
         return any(self._shares)
 
     def added(

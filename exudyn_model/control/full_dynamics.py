@@ -1,4 +1,4 @@
-"""The nominal model of a controller that knows more than driven joints: bent links, spherical joints.
+"""The nominal model of a controller with flexible links or spherical joints.
 
 Every body's motion is written as ``[a; alpha] = J yd + d`` in its own axes, with yd the accelerations of all
 coordinates: of a free base, of the joints with one coordinate, of spherical joints (child against parent in
@@ -6,7 +6,7 @@ the child's axes), of modal coordinates. With the body's inertia M and its force
 
     Z = sum J^T M J,    z = sum J^T (f - M d),    Z yd = z + tau.
 
-What the controller does not drive reacts: its part of yd follows from tau = 0 there (Kane's method;
+Coordinates that the controller does not drive react: their part of yd follows from tau = 0 (Kane's method;
 Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 3 and 6).
 """
 
@@ -89,11 +89,11 @@ class _Moving:
 
 
 class FullDynamics:
-    """Forces that a motion of the driven coordinates needs, all others reacting.
+    """Forces required by a motion of the driven coordinates, with all others reacting.
 
     Args:
-        robot: the description that the controller believes in.
-        deformed: it knows how flexible links are bent; else it takes them for undeformed rigid bodies.
+        robot: the description that the controller uses.
+        deformed: the controller measures link deflection; else it assumes undeformed rigid bodies.
     """
 
     def __init__(self, robot: Robot, *, deformed: bool) -> None:
@@ -174,14 +174,14 @@ class FullDynamics:
         held: Array | None = None,
         inner: Inner | None = None,
     ) -> Needed:
-        """Forces that wanted accelerations need.
+        """Forces required by desired accelerations.
 
         Args:
             q, qd, qdd: of the joints with one coordinate, in the order of the file.
-            base: of a free base; as described when left out.
-            held: wanted accelerations of a base that is held, [linear; angular] in base axes, shape (6,); it
-                reacts when left out.
-            inner: of spherical joints and bent links; as at the start when left out.
+            base: state of a free base; default is the described one.
+            held: desired accelerations of a held base, [linear; angular] in base axes, shape (6,); if
+                omitted, the base reacts.
+            inner: state of spherical joints and flexible links; default is the initial one.
         """
         moving, base_force = self._moving(q, qd, base, inner or self._start)
         mass, forces = self._rotors.copy(), np.zeros(self._size)
@@ -278,7 +278,7 @@ class FullDynamics:
 
 
 def _rigid_force(mass: Mass, frame: _Frame, gravity: Array) -> Array:
-    """Weight, and what turning adds to the inertia times accelerations, shape (6,)."""
+    """Weight and gyroscopic forces, shape (6,)."""
     omega, moment = frame.omega, mass.first_moment
     along = frame.rotation.T @ gravity
     linear = mass.mass * along - cross(omega, cross(omega, moment))

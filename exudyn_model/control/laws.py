@@ -1,8 +1,8 @@
 """Controllers: the actuator torque that is commanded at each joint.
 
-A law is split in what a digital controller holds between its ticks (`output`: torques, or the duty cycles
-of a servo) and what the motor makes of it at this instant (`torque`). A continuous controller does both at
-every evaluation of the forces.
+A law is split into the value that a digital controller holds between its ticks (`output`: torques, or the
+duty cycles of a servo) and the resulting motor torque at this instant (`torque`). A continuous controller
+computes both at every evaluation of the forces.
 """
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ class _JointPD(ControlLaw):
 class _ComputedTorque(ControlLaw):
     """Nominal inverse dynamics at the acceleration rdd + kd (rd - qd) + kp (r - q) [+ friction].
 
-    A base with gains is held: it is wanted to accelerate by base_kp e - base_kd v, with e the way back to
-    its initial pose, the turn as twice the vector part of the quaternion that leads back; all in base axes.
+    A base with gains is held: its desired acceleration is base_kp e - base_kd v, with e the displacement back
+    to its initial pose, the rotation as twice the vector part of the return quaternion; all in base axes.
     """
 
     def __init__(self, robot: Robot, nominal: Nominal) -> None:
@@ -93,8 +93,8 @@ class _ComputedTorque(ControlLaw):
         assert isinstance(settings, ComputedTorque)
         super().__init__(robot, sample_time=settings.sample_time)
         self._gains = list(zip(gains(robot, settings.kp), gains(robot, settings.kd)))
-        # Its gains are rates of the closed loop, far slower than a step, as long as what it pushes is what
-        # its model says; the root of a flexible link that it takes for rigid is much lighter.
+        # Its gains are rates of the closed loop, far slower than a step, as long as the actual inertia is
+        # that of its model; the root of a flexible link that it assumes rigid is much lighter.
         self.bent_links = nominal.bent_links
         self.stiff = bool(robot.flexible_links) and not self.bent_links
         self.needs_inner = isinstance(nominal, FullDynamics)
@@ -132,7 +132,7 @@ class _ComputedTorque(ControlLaw):
         return list(output[len(self._motions) :])
 
     def _held(self, state: JointState) -> Array | None:
-        """Wanted accelerations of a base that is held, shape (6,)."""
+        """Desired accelerations of a held base, shape (6,)."""
         base = state.base
         if not self.holds_base or base is None:
             return None
@@ -174,7 +174,7 @@ class _VoltageServo(ControlLaw):
 
 
 def control_law(robot: Robot, nominal: Nominal) -> ControlLaw:
-    """The robot's controller; `nominal` is the model without effects that it carries.
+    """The robot's controller; `nominal` is its model without effects.
 
     Raises:
         InputError: a servo without motor data.

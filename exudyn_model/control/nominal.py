@@ -1,4 +1,4 @@
-"""Which model a controller carries: rigid bodies in a tree where that says all, else the full one."""
+"""Choice of a controller's model: rigid bodies in a tree where that suffices, else the full one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Nominal = InverseDynamics | FullDynamics
 
 
 def nominal_model(robot: Robot) -> Nominal:
-    """The model that the controller of `robot` believes in, its effects unknown to it."""
+    """The model of the controller of `robot`, without effects."""
     full = getattr(robot.controller, "model", "rigid") == "full"
     deformed = full and bool(robot.flexible_links)
     if deformed or robot.spherical_joints:

@@ -17,12 +17,12 @@ from robot_model import AdaptiveNetwork, Robot, SlidingMode
 __all__ = ["AdaptiveNetworkLaw", "SlidingModeLaw"]
 
 Array = NDArray[np.float64]
-#: The network counts each input in half its range, at least half of this [rad or m, or per s].
+#: Smallest range of a network input, whose half scales it [rad or m, or per s].
 LEAST_RANGE = 1e-3
 
 
 class _Nominal(ControlLaw):
-    """Nominal inverse dynamics at accelerations of its own."""
+    """Nominal inverse dynamics at the law's own accelerations."""
 
     def __init__(self, robot: Robot, nominal: Nominal, sample_time: float) -> None:
         super().__init__(robot, sample_time=sample_time)
@@ -71,8 +71,8 @@ class SlidingModeLaw(_Nominal):
 class AdaptiveNetworkLaw(_Nominal):
     """rdd + kd ed + kp e + W^T phi, dW/dt = adaptation (phi s - leakage W), s = ed + (kd/2) e.
 
-    The weights go on by Heun's rule: trial instants see them predicted from the last accepted one. While an
-    output is held, so is s; it stands behind the torques.
+    The weights are integrated by Heun's rule: trial instants use a prediction from the last accepted one.
+    While an output is held, so is s, which follows the torques in the output.
     """
 
     remembers = True
@@ -101,7 +101,7 @@ class AdaptiveNetworkLaw(_Nominal):
         return list(output[: len(self._motions)])
 
     def recall(self, time: float, weights: Array) -> None:
-        """Go on from these weights at an instant [s], shape (joints, centres)."""
+        """Continue from these weights at an instant [s], shape (joints, centres)."""
         self._time, self._weights = time, np.array(weights, dtype=float)
         self._rates = np.zeros_like(self._weights)
 

@@ -1,4 +1,4 @@
-"""Inverse dynamics of the mechanism, written for controllers: the nominal model they carry.
+"""Inverse dynamics of the mechanism for controllers: their nominal model.
 
 Recursive Newton-Euler in the members' own axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 5;
 Luh, Walker, Paul 1980), written down once per robot as a CasADi expression: Exudyn calls the controller
@@ -26,7 +26,7 @@ Motion = tuple[ca.SX, ca.SX, ca.SX]
 
 @dataclass(frozen=True)
 class BaseState:
-    """The base as a controller knows it.
+    """State of the base as measured by a controller.
 
     Attributes:
         rotation: base to inertial axes, shape (3, 3).
@@ -43,12 +43,12 @@ class BaseState:
 
 @dataclass(frozen=True)
 class Inner:
-    """Spherical joints and bent links as a controller knows them.
+    """State of spherical joints and flexible links as measured by a controller.
 
     Attributes:
         balls: attitude of each spherical joint, child to joint axes, shape (3, 3).
         ball_rates: of each, child against parent in the child's axes [rad/s], shape (3 k,).
-        modal, modal_rates: of the flexible links that the controller knows, in the order of the file, (s,).
+        modal, modal_rates: of the flexible links in the controller's model, in the order of the file, (s,).
     """
 
     balls: Sequence[Array]
@@ -59,7 +59,7 @@ class Inner:
 
 @dataclass(frozen=True)
 class Needed:
-    """Forces that a motion needs.
+    """Forces required by a motion.
 
     Attributes:
         torques: of the actuators [N m or N], in the order of the robot file.
@@ -83,7 +83,7 @@ def _pose(member: Member, q: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def _wrench(mass: Mass, motion: Motion) -> tuple[ca.SX, ca.SX]:
-    """Force and moment about the origin that this motion of a body needs."""
+    """Force and moment about the origin required by this motion of a body."""
     acceleration, alpha, omega = motion
     h, inertia = ca.DM(mass.first_moment), ca.DM(mass.inertia)
     force = mass.mass * acceleration + ca.cross(alpha, h) + ca.cross(omega, ca.cross(omega, h))
@@ -150,8 +150,8 @@ class InverseDynamics:
     ) -> list[float]:
         """Actuator torques [N m or N] that give joint accelerations `qdd` against nothing but gravity.
 
-        A free base moves as the torques make it move. `base` is its state; left out, it is at rest in
-        its initial attitude. On a fixed base it is ignored. `inner` is not looked at: links are rigid here.
+        A free base reacts to the torques. `base` is its state, by default at rest in its initial attitude; it
+        is ignored for a fixed base. `inner` is ignored: links are rigid here.
         """
         return self._forces(q, qd, qdd, base, None)[: self._count].tolist()
 
@@ -165,14 +165,14 @@ class InverseDynamics:
         held: Array | None = None,
         inner: Inner | None = None,
     ) -> Needed:
-        """What the motion needs with a base that is accelerated by `held`, or else left to itself.
+        """Forces required by the motion with a base that is accelerated by `held`, or else reacts.
 
         Args:
             q, qd, qdd: of the joints.
             base: its state, as above.
             held: inertial acceleration of a free base's origin and angular acceleration in base axes, shape
-                (6,); left out, that which the joints give it.
-            inner: not looked at.
+                (6,); if omitted, the reaction to the joints.
+            inner: ignored.
         """
         found, n = self._forces(q, qd, qdd, base, held), self._count
         joints = found[n + 6 :].copy().reshape(n, 2, 3)

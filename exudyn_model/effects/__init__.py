@@ -1,4 +1,4 @@
-"""Effects of the Exudyn model: the formulas of the catalogue, written a second time on their own.
+"""Effects of the Exudyn model: the formulas of the catalogue, implemented independently.
 
 `effects_of` sorts a robot's effects by what they change: forces at joints, masses and gravity, channels. An
 effect without a counterpart here is refused by name before anything runs.

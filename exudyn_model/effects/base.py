@@ -1,9 +1,9 @@
-"""What an effect at a joint sees and gives, in plain numbers.
+"""Inputs and outputs of an effect at a joint, in plain numbers.
 
 A law returns a generalised force on its joint coordinate [N m or N]: friction is negative at positive
-speed, and the equation of motion is ``inverse dynamics = commanded torque + sum of laws``. Some laws
-remember something (a bristle, a lag). They get what they remembered at the last accepted instant and give
-what they would remember now, so that an iteration that is thrown away leaves no trace.
+speed, and the equation of motion is ``inverse dynamics = commanded torque + sum of laws``. Some laws have a
+memory (a bristle, a lag). They receive the memory of the last accepted instant and return the present one, so
+that a rejected iteration leaves no trace.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TRANSITION = 1e-4
 Memory = tuple[float, ...]
 
 #: `friction` laws are summed for the `friction_torque` channel and for `modifier`s, which multiply that
-#: sum; a `drive` law changes the commanded torque on its way; a `load` is any other force.
+#: sum; a `drive` law changes the commanded torque; a `load` is any other force.
 Role = Literal["friction", "modifier", "drive", "load"]
 
 
@@ -39,8 +39,8 @@ class Instant:
         load: friction moment W of the joint's bearing [N m]; zero where nothing depends on it.
         last_load: at the last accepted instant.
         temperature: of the joint [K].
-        static_factor, kinetic_factor: what that makes of static and of kinetic friction [-].
-        direction: in which the joint slides where that is decided otherwise than by its velocity: -1, 0 or 1.
+        static_factor, kinetic_factor: temperature factors of static and of kinetic friction [-].
+        direction: sliding direction where it is not determined by the velocity: -1, 0 or 1.
     """
 
     time: float
@@ -69,26 +69,26 @@ class JointLaw(ABC):
     """Base of the laws; parameters are the fields of the concrete class, in SI units."""
 
     role: ClassVar[Role] = "load"
-    #: The law keeps a memory; `initial` gives the first.
+    #: The law has a memory; `initial` gives the first.
     remembers: ClassVar[bool] = True
 
     @property
     def needs_load(self) -> bool:
-        """The law depends on what the joint's bearing carries."""
+        """Whether the law depends on the load of the joint's bearing."""
         return False
 
     @abstractmethod
     def initial(self, now: Instant) -> Memory:
-        """What is remembered at the start."""
+        """Initial memory."""
 
     @abstractmethod
     def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
-        """Generalised force now [N m or N], and what to remember if this instant is accepted."""
+        """Generalised force now [N m or N], and the memory if this instant is accepted."""
 
 
 @dataclass(frozen=True)
 class Momentary(JointLaw):
-    """Base of the laws that remember nothing."""
+    """Base of the laws without memory."""
 
     remembers = False
 

@@ -1,4 +1,4 @@
-"""From the effects of a robot file to laws, masses and sensor faults; refuses what has no counterpart."""
+"""Laws, masses and sensor faults from the effects of a robot file; refuses effects without counterpart."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from robot_model.description.bodies import require_body
 
 __all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of", "require_bodies"]
 
-#: Effects at a joint, with the class that carries each out.
+#: Effects at a joint, with the class that implements each.
 JOINT_LAWS: Mapping[str, type[JointLaw]] = MappingProxyType(
     {
         "viscous_friction": friction.ViscousFriction,
@@ -65,9 +65,9 @@ SENSOR_FAULTS: Mapping[str, type[SensorFault]] = MappingProxyType(
     }
 )
 
-#: Effects that push on a body.
+#: Force effects on a body.
 PUSHES: Mapping[str, type[Push]] = MappingProxyType({"contact": Contact, "reaction_wheel": Wheels})
-#: The effect of a base that gives way.
+#: The effect of a compliant base.
 MOUNT = "base_motion"
 
 T = TypeVar("T")
@@ -79,15 +79,15 @@ class Effects:
 
     Attributes:
         laws: at each moving joint, in the order of the file.
-        at_motors: at motors of transmissions, by their place among the drives.
-        masses: body name to what is added to it, in its own frame.
+        at_motors: at motors of transmissions, by their index among the drives.
+        masses: body name to mass properties added to it, in its own frame.
         gravity: added to the gravity vector, inertial frame [m/s^2], shape (3,).
         faults: channel and fault, in the order of the file.
-        gears: of motors that move by themselves, by their place among the drives, rising.
-        pushes: body and what pushes on it besides the joints.
-        mounts: of a base that gives way, before `mounting.mounted` makes pushes of them.
-        points: flexible link to what sits on its nodes and moves with them.
-        stiffening: beam to the share of its stiffening that takes part, where that is not the whole.
+        gears: of motors with their own coordinate, by their index among the drives, increasing.
+        pushes: body and the force effect on it.
+        mounts: of a compliant base, before `mounting.mounted` makes pushes of them.
+        points: flexible link to the masses fixed to its nodes.
+        stiffening: beam to the fraction of its stiffening that is included, where that is not 1.
     """
 
     laws: tuple[tuple[JointLaw, ...], ...]
@@ -103,11 +103,10 @@ class Effects:
 
 
 def effects_of(robot: Robot) -> Effects:
-    """The effects of `robot`; those that change what it is are carried out by `structure.as_is`.
+    """The effects of `robot`; `structure.as_is` applies those that change its structure.
 
     Raises:
-        InputError: an effect without a counterpart here, at a place where it cannot be, or with parameters
-            that do not fit.
+        InputError: an effect without a counterpart here, at an impossible place, or with wrong parameters.
     """
     joints = [joint.name for joint in robot.moving_joints]
     links = ["base", *(link.name for link in robot.links)]

@@ -22,7 +22,7 @@ class LooseBearing:
 
     Args:
         clearance: of the description.
-        joint, x, y: places of the joint and its slides among the moving joints.
+        joint, x, y: indices of the joint and its slides among the moving joints.
     """
 
     def __init__(self, clearance: Clearance, joint: int, x: int, y: int) -> None:
@@ -39,7 +39,7 @@ class LooseBearing:
         return max(0.0, self._given.stiffness * depth**1.5 * (1 + lost))
 
     def add(self, state: JointState, total: list[float], friction: list[float]) -> None:
-        """Put its forces among those on the joints [N m or N]."""
+        """Add its forces to those on the joints [N m or N]."""
         normal = self.normal(state)
         if normal == 0.0:
             return
@@ -53,13 +53,13 @@ class LooseBearing:
         friction[self._joint] += radius * rubbing
 
     def accept(self, state: JointState) -> None:
-        """Remember the speed of approach while the journal is off its bearing."""
+        """Store the speed of approach while there is no contact."""
         away, rate, _, _ = self._place(state)
         if away <= self._given.radial:
             self._approach = max(rate, SLOWEST)
 
     def _place(self, state: JointState) -> tuple[float, float, float, float]:
-        """Eccentricity [m], its rate [m/s], and the direction in which the journal is off."""
+        """Eccentricity [m], its rate [m/s], and its direction."""
         x, y = state.position[self._x], state.position[self._y]
         away = hypot(x, y)
         if away == 0.0:

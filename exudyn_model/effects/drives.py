@@ -1,4 +1,4 @@
-"""What happens to the commanded torque on its way to the joint: delivered minus commanded."""
+"""Actuator effects: delivered minus commanded torque."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from exudyn_model.effects.base import Instant, JointLaw, Memory, Momentary
 
 __all__ = ["ActuatorLag", "TorqueGain", "TorqueOffset", "TorqueRipple", "TorqueSaturation"]
 
-#: Width of the corner of a saturation, as a share of its limit.
+#: Width of the corner of a saturation, relative to its limit.
 ROUNDING = 0.005
 #: Keeps a lag of zero from dividing by it [s].
 SMALLEST_LAG = 1e-6
@@ -57,7 +57,7 @@ class TorqueRipple(Momentary):
 
 @dataclass(frozen=True)
 class TorqueSaturation(Momentary):
-    """T = clip(u, -limit, limit) - u, the corner rounded over a small share of the limit."""
+    """T = clip(u, -limit, limit) - u, the corner rounded over a small fraction of the limit."""
 
     role = "drive"
     limit: float

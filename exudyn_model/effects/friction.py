@@ -36,7 +36,7 @@ def stribeck_level(velocity: float, *, coulomb: float, static: float, stribeck_v
 
 @dataclass(frozen=True, kw_only=True)
 class _Level(JointLaw):
-    """The level T_c + mu_d W + share |command|, higher near rest by T_s - T_c + (mu_s - mu_d) W.
+    """The level T_c + mu_d W + share |command|, increased near rest by T_s - T_c + (mu_s - mu_d) W.
 
     W is the friction moment of the joint's bearing, zero without one.
     """
@@ -113,11 +113,11 @@ class LuGreFriction(_Level):
     """T = -(s0 z + s1(v) zd), zd = v - s0 |v| z / g(v), s1(v) = s1 / (1 + limit s1 |v| / (4 g(v))).
 
     Canudas de Wit et al., IEEE TAC 40 (1995) 419-425, with a damping that falls with speed so that the law
-    never gives out energy (passive while s1(v) |v| <= 4 g: Barahanov and Ortega, IEEE TAC 45 (2000) 830-832).
+    never generates energy (passive while s1(v) |v| <= 4 g: Barahanov and Ortega, IEEE TAC 45 (2000) 830-832).
 
-    The bristle deflection z [rad or m] is remembered; it begins at its sliding value in an unloaded
-    bearing. Over a step it is advanced in closed form for the mean velocity of the step: unconditionally
-    stable however stiff the bristle, and of second order.
+    The bristle deflection z [rad or m] is the memory; it starts at its sliding value in an unloaded bearing.
+    Over a step it is advanced in closed form for the mean velocity of the step: unconditionally stable for
+    any bristle stiffness, and of second order.
     """
 
     role = "friction"

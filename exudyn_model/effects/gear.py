@@ -1,12 +1,11 @@
-"""What a gear transmits between a motor that moves by itself and its joint.
+"""Torque of a gear between a motor with its own coordinate and its joint.
 
-With d the motor's position at the joint side less the joint's, and e = d less the play,
+With d the motor's position at the joint side minus the joint's, and e = d minus the play,
 
     T = K e + K3 e^3 + T_h z + D c dd,
 
-z running to 1 or -1 over a travel of the twist, whatever the speed. c is 1 in contact and 0 apart, with a
-ramp over a hundredth of the play, and flanks do not pull. A gear has one spring: of its effects one states K
-and D.
+z tends to 1 or -1 over a travel of the twist, at any speed. c is 1 in contact and 0 without, with a ramp over
+a hundredth of the play, and flanks do not pull. A gear has one spring: one of its effects states K and D.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from robot_model import Drive, InputError, Robot
 
 __all__ = ["GEAR_PARTS", "Backlash", "Gear", "GearHysteresis", "GearPart", "JointElasticity", "gear_of"]
 
-#: Depth of contact over which damping comes in, per half width, and at least [rad or m].
+#: Depth of contact over which damping sets in, per half width, and at least [rad or m].
 RAMP, LEAST_RAMP = 0.01, 1e-12
 #: First command [N m or N] that puts a gear with play on one of its flanks.
 SEATED = 1e-6
@@ -56,7 +55,7 @@ class Backlash(GearPart):
 
 @dataclass(frozen=True)
 class GearHysteresis(GearPart):
-    """Friction T_h z beside the spring, travel zd = dd - |dd| z."""
+    """Friction T_h z in parallel with the spring, travel zd = dd - |dd| z."""
 
     torque: float
     travel: float
@@ -71,7 +70,7 @@ GEAR_PARTS: Mapping[str, type[GearPart]] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class Gear:
-    """One gear, its parts put together; the memory is z and the twist it belongs to.
+    """One gear with all its effects; the memory is z and its twist.
 
     Attributes:
         inertia: of the rotor at the joint side of the gear [kg m^2 or kg].
@@ -103,9 +102,9 @@ class Gear:
         return spring + self.friction * (1 - exp(-depth / self.travel))
 
     def advance(self, twist: float, rate: float, memory: Memory) -> tuple[float, Memory]:
-        """Torque on the joint [N m or N], and what to remember if this instant is accepted.
+        """Torque on the joint [N m or N], and the memory if this instant is accepted.
 
-        z follows in closed form from the twist, which runs one way within a step.
+        z follows in closed form from the twist, which is monotonic within a step.
         """
         z, last = memory
         way = copysign(1.0, twist - last)
@@ -119,7 +118,7 @@ class Gear:
         return (torque if torque * depth > 0 else 0.0), (z, twist)
 
     def energy(self, memory: Memory) -> float:
-        """Kept in the gear [J]."""
+        """Energy stored in the gear [J]."""
         z, twist = memory
         depth = self._depth(twist)
         spring = self.stiffness * depth**2 / 2 + self.cubic * depth**4 / 4

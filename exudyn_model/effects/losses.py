@@ -1,4 +1,4 @@
-"""What friction and the windings' resistance turn into heat, by the trapezoidal rule over accepted steps."""
+"""Heat from friction and the windings' resistance, by the trapezoidal rule over accepted steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Losses:
         self._energy = ([0.0] * count, [0.0] * count)
 
     def begin(self, state: JointState, command: Sequence[float], friction: Sequence[float]) -> None:
-        """Powers from an instant on, where they may have jumped."""
+        """Powers after an instant at which they may jump."""
         self._time, self._power = state.time, self._powers(state, command, friction)
 
     def accept(self, state: JointState, command: Sequence[float], friction: Sequence[float]) -> None:

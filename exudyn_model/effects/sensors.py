@@ -1,4 +1,4 @@
-"""Sensor faults: what a channel says instead of the true values, and no motion."""
+"""Sensor faults: wrong values of a channel, without change of motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class SensorFault(ABC):
 
     @abstractmethod
     def applied(self, time: Array, values: Array) -> Array:
-        """What the sensor says of `values` at `time` [s], shape (N,)."""
+        """The sensor's reading of true `values` at `time` [s], shape (N,)."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class EncoderEccentricity(SensorFault):
 
 @dataclass(frozen=True)
 class ClockDrift(SensorFault):
-    """y(t) = x((1 + e) t): the channel runs ahead by the share e."""
+    """y(t) = x((1 + e) t): the channel runs ahead at the relative rate e."""
 
     rate: float
 

@@ -1,8 +1,8 @@
-"""How warm a joint is, in steps: given, or of a heat capacity that the friction of the joint warms.
+"""Temperature of a joint, in steps: prescribed, or of a heat capacity heated by the joint's friction.
 
-Over a step of length h the power P is taken for constant, so that C dT/dt = P - (T - T_a)/R has the closed
-form T+ = T_s + (T - T_s) exp(-h/(R C)), T_s = T_a + R P. Trial states take the power at the last accepted
-instant; an accepted one the mean of both, which makes the whole of second order.
+Over a step of length h the power P is assumed constant, so that C dT/dt = P - (T - T_a)/R has the closed
+form T+ = T_s + (T - T_s) exp(-h/(R C)), T_s = T_a + R P. Trial states use the power at the last accepted
+instant; an accepted one the mean of both, which makes the method of second order.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Warmth:
     """Of one joint, from the last accepted instant on.
 
     Attributes:
-        own: the joint warms itself.
+        own: the joint has self-heating.
     """
 
     def __init__(self, joint: Joint) -> None:
@@ -43,14 +43,14 @@ class Warmth:
         return self._advanced(time, self._power)
 
     def factors(self, temperature: float) -> tuple[float, float]:
-        """What a temperature makes of static and of kinetic friction [-]."""
+        """Temperature factors of static and of kinetic friction [-]."""
         if self._thermal is None:
             return 1.0, 1.0
         above = temperature - self._thermal.reference
         return exp(-self._thermal.static_rate * above), exp(-self._thermal.kinetic_rate * above)
 
     def begin(self, time: float, power: float) -> None:
-        """The power that friction takes at the first instant [s, W]."""
+        """Store the friction power at the first instant [s, W]."""
         self._time, self._power = time, power
 
     def accept(self, time: float, power: float) -> None:

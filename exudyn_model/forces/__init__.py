@@ -1,1 +1,1 @@
-"""Forces on the joint coordinates: controller, effects, and forces from outside the description."""
+"""Forces on the joint coordinates: controller, effects, and user-defined forces."""

@@ -1,4 +1,4 @@
-"""What forces on joints and motors are at one instant, and what of it is remembered."""
+"""Forces on joints and motors at one instant, and their memory."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class JointForces:
     Attributes:
         command: commanded torque of the drives, within their actuators' limits.
         friction: of the friction laws and their modifiers, those at motors of transmissions included.
-        total: everything that acts on the coordinate.
+        total: sum of all forces on the coordinate.
         wrench: of the controller on a held base, force and moment about its origin in base axes [N, N m];
             empty otherwise.
-        motors: everything that acts on each motor that moves by itself.
-        gears: what the gear of each of them transmits.
-        rubbing: friction of the joint itself and of a motor that moves it alone.
+        motors: sum of all forces on each motor with its own coordinate.
+        gears: transmitted torque of the gear of each of them.
+        rubbing: friction of the joint itself and of a motor that moves only this joint.
     """
 
     command: list[float]
@@ -35,18 +35,17 @@ class JointForces:
 
     @property
     def every(self) -> list[float]:
-        """On all joints and then on all motors that move by themselves."""
+        """Forces on all joints and then on all motors with their own coordinate."""
         return [*self.total, *self.motors]
 
 
 @dataclass(frozen=True)
 class Stopping:
-    """What friction does over a step, decided at its beginning.
+    """Friction over a step, decided at its beginning.
 
     Attributes:
-        direction: in which every joint slides, 1 or -1, or 0 for one that is being stopped or rests.
-        force: of the friction on the latter, over and above what its laws give without a direction [N m or
-        N].
+        direction: sliding direction of every joint, 1 or -1, or 0 for one that is being stopped or rests.
+        force: friction on the latter in addition to its laws without a direction [N m or N].
     """
 
     direction: Sequence[float]
@@ -55,14 +54,14 @@ class Stopping:
 
 @dataclass(frozen=True)
 class LawMemories:
-    """What laws at joints, and at motors of transmissions by drive, would remember."""
+    """Memories of laws at joints, and at motors of transmissions by drive."""
 
     at_joints: list[list[Memory]]
     at_motors: dict[int, list[Memory]]
 
 
 class Remembered:
-    """What was true at the last accepted instant."""
+    """State and memories at the last accepted instant."""
 
     def __init__(self, joints: int) -> None:
         self.time = 0.0

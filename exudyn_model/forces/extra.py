@@ -1,4 +1,4 @@
-"""Forces on the joints that the robot's description does not speak of: a place for physics of one's own."""
+"""User-defined forces on the joints, outside the robot's description."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class ArmInstant:
 
 
 class ExtraForce(ABC):
-    """Generalised forces on all joints, added to whatever the robot's effects give.
+    """Generalised forces on all joints, added to those of the robot's effects.
 
-    As with the laws of effects, forces at a trial state are a pure function of that state and of what was
-    remembered at the last accepted instant.
+    As with the laws of effects, forces at a trial state are a pure function of that state and of the memory
+    at the last accepted instant.
     """
 
     def initial(self, now: ArmInstant) -> Memory:
-        """What is remembered at the start."""
+        """Initial memory."""
         return ()
 
     @abstractmethod
     def advance(self, now: ArmInstant, memory: Memory) -> tuple[Sequence[float], Memory]:
-        """Force on each joint [N m or N], and what to remember if this instant is accepted."""
+        """Force on each joint [N m or N], and the memory if this instant is accepted."""

@@ -1,8 +1,8 @@
 """All forces on the joint coordinates: controller, limits, and the laws of the robot's effects.
 
-Exudyn asks for forces at trial states during its iterations; an accepted step is told by `accept`. Only
-`accept` changes what is remembered (bristles, lags, integrals, held outputs), so the forces at a trial
-state are a pure function of it, and the numerical Jacobian sees the memory's dependence on the state too.
+Exudyn evaluates forces at trial states during its iterations; an accepted step is reported by `accept`. Only
+`accept` changes the memory (bristles, lags, integrals, held outputs), so the forces at a trial state are a
+pure function of it, and the numerical Jacobian includes the memory's dependence on the state.
 """
 
 from __future__ import annotations
@@ -24,16 +24,17 @@ from robot_model import Robot
 
 __all__ = ["Forces", "JointForces", "Stopping"]
 
-#: Relative to the sample time: how near to a tick an instant counts as on it (rounding of the step sizes).
+#: Tolerance for an instant at a controller tick, relative to the sample time (rounding of the step sizes).
 TICK_TOLERANCE = 1e-6
 
 
 class Forces:
     """Forces on the joints of one run; `laws` per moving joint, modifiers after friction laws.
 
-    Where a motor moves by itself (`gears`, by drive), laws of the drive act on it and see its motion; all
-    others act on the joint. The controller reads its encoder when `reads_motors`. Laws `at_motors` of
-    transmissions, by drive, all see their motor and act on it, or on the joints through the transmission.
+    Where a motor has its own coordinate (`gears`, by drive), laws of the drive act on it and depend on its
+    motion; all others act on the joint. The controller reads its encoder when `reads_motors`. Laws
+    `at_motors` of transmissions, by drive, depend on their motor and act on it, or on the joints through the
+    transmission.
     """
 
     def __init__(
@@ -66,11 +67,11 @@ class Forces:
         self._warmth = [Warmth(joint) for joint in robot.moving_joints]
         self._ticks = 0
         self.holds_base = control.holds_base
-        #: The controller's output changes much within a step of the solver.
+        #: The controller's output changes strongly within a step of the solver.
         self.stiff_control = control.stiff
         #: The controller's model has spherical joints or bent links; of the latter these.
         self.needs_inner, self.bent_links = control.needs_inner, control.bent_links
-        #: Some law depends on what the bearings carry.
+        #: Some law depends on bearing loads.
         self.needs_loads = any(law.needs_load for own in laws for law in own)
 
     @property
@@ -83,12 +84,12 @@ class Forces:
 
     @property
     def next_tick(self) -> float | None:
-        """When a digital controller computes next [s]; None for a continuous one."""
+        """Next tick of a digital controller [s]; None for a continuous one."""
         sample_time = self._control.sample_time
         return self._ticks * sample_time if sample_time > 0 else None
 
     def start(self, state: JointState) -> JointForces:
-        """Forces at the initial state, from which everything remembered begins."""
+        """Forces at the initial state, at which all memories start."""
         memory = self._memory
         memory.time, memory.velocity = state.time, list(state.velocity)
         memory.motor_velocity = list(state.motor_velocity)
@@ -111,7 +112,7 @@ class Forces:
         return forces
 
     def settle(self, state: JointState) -> list[float]:
-        """Positions of the motors that move by themselves, under the first command at an initial state.
+        """Initial positions of motors with their own coordinate, under the first command at a state.
 
         `state` has none; their gears start from here.
         """
@@ -127,7 +128,7 @@ class Forces:
         return [position + twist for position, (twist, _) in zip(positions, wound)]
 
     def _read(self, state: JointState) -> JointState:
-        """What the controller's encoders say."""
+        """The state as measured by the controller's encoders."""
         if not (self._reads_motors and self.gears):
             return state
         driven = self._driven(state)
@@ -150,11 +151,11 @@ class Forces:
         return view
 
     def gear_energy(self, state: JointState) -> float:
-        """Kept in all gears [J]."""
+        """Energy stored in all gears [J]."""
         return sum(gear.energy(self._transmitted(state, k)[1]) for k, gear in self.gears.items())
 
     def _transmitted(self, state: JointState, k: int) -> tuple[float, Memory]:
-        """Torque through the gear of a drive, and what it would remember."""
+        """Torque through the gear of a drive, and its memory."""
         i = self._motor[k]
         position, velocity = map(self._coupling.to_motors, (state.position, state.velocity))
         twist = state.motor_position[i] - position[k]
@@ -169,7 +170,7 @@ class Forces:
     def resume(
         self, state: JointState, *, remembered: Sequence[Sequence[Memory]], integral: Sequence[float]
     ) -> JointForces:
-        """Forces at a state to which a run has come with these memories.
+        """Forces at a state of a run with these memories.
 
         Args:
             state: the state.
@@ -182,11 +183,11 @@ class Forces:
         return self.at(state)
 
     def at(self, state: JointState, output: Sequence[float] | None = None) -> JointForces:
-        """Forces at a trial state; the controller's output is worked out there, or given."""
+        """Forces at a trial state; the controller's output is computed there, or given."""
         return self._evaluate(state, output)[0]
 
     def stop(self, stopping: Stopping | None) -> None:
-        """From now on friction does this; None leaves it to the velocities."""
+        """Set the friction of the next step; None derives it from the velocities."""
         self._stopping = stopping
 
     def output(self, state: JointState) -> Sequence[float]:
@@ -211,7 +212,7 @@ class Forces:
         return self._control.voltage(self._output(state))
 
     def accept(self, state: JointState) -> list[float] | None:
-        """Remember this state; gives the jump of the total forces if a digital controller computes here."""
+        """Store this state; returns the jump of the total forces if a digital controller acts here."""
         forces, laws, extra = self._evaluate(state)
         memory = self._memory
         self._control.accept(self._read(state), self._output(state))
@@ -239,7 +240,7 @@ class Forces:
         return [new - old for new, old in zip(after.every, forces.every)]
 
     def _tick(self, state: JointState) -> None:
-        """A digital controller computes; only its output is held, the integral of the errors goes on."""
+        """A tick of a digital controller; only its output is held, the error integral continues."""
         self._memory.output = self._control.output(self._read(state), self._memory.integral)
         self._control.begin(self._read(state), self._memory.output)
         self._ticks += 1
@@ -288,7 +289,7 @@ class Forces:
         )
 
     def _motor_instant(self, state: JointState, k: int, command: float) -> Instant:
-        """What a law of the drive sees of a motor that moves by itself."""
+        """Signals of a drive law at a motor with its own coordinate."""
         now, i = self._instant(state, k, command), self._motor[k]
         now.position, now.velocity = state.motor_position[i], state.motor_velocity[i]
         now.last_velocity, now.direction = self._memory.motor_velocity[i], None

@@ -1,4 +1,4 @@
-"""Laws at motors of transmissions: they see their motor, and act on it or on the joints that it moves."""
+"""Laws at motors of transmissions: functions of the motor's motion that act on it or on its joints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from exudyn_model.forces.acting import Remembered
 
 __all__ = ["MotorLaws"]
 
-#: In which order laws act: later ones may depend on the friction of earlier ones.
+#: Order of evaluation: later laws may depend on the friction of earlier ones.
 ORDER = ("friction", "modifier", "drive", "load")
 
 
@@ -21,9 +21,9 @@ class MotorLaws:
 
     Args:
         coupling: the robot's transmissions.
-        laws: by the motor's place among the drives.
+        laws: by the motor's index among the drives.
         inside: dry and viscous friction of every drive's motor [N m or N, and per speed].
-        apart: place of a motor that moves by itself to its place among those.
+        apart: index of a motor with its own coordinate to its index among those.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class MotorLaws:
     def initial(
         self, state: JointState, command: Sequence[float], last: Remembered
     ) -> dict[int, list[Memory]]:
-        """What is remembered at the start, by drive; `command` is that of the drives [N m or N]."""
+        """Initial memories, by drive; `command` is that of the drives [N m or N]."""
         found = {}
         for k, own in self.laws.items():
             now = self._instant(state, k, command[k], last)
@@ -68,9 +68,9 @@ class MotorLaws:
         total: list[float],
         friction: list[float],
     ) -> dict[int, list[Memory]]:
-        """Add the laws' forces to `motors` that move by themselves, and to `total` and `friction` of joints.
+        """Add the laws' forces to separate `motors`, and to `total` and `friction` of joints.
 
-        Returns what the laws would remember, by drive.
+        Returns the laws' memories, by drive.
         """
         behind, taken = [0.0] * len(command), [0.0] * len(command)
         remembered: dict[int, list[Memory]] = {}
@@ -95,7 +95,7 @@ class MotorLaws:
         return remembered
 
     def _instant(self, state: JointState, k: int, command: float, last: Remembered) -> Instant:
-        """What laws at a motor see; bearings and temperatures are of joints."""
+        """Signals of laws at a motor; bearings and temperatures are of joints."""
         if k in self._apart:
             i = self._apart[k]
             position, velocity, before = (

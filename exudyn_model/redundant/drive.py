@@ -1,4 +1,4 @@
-"""Everything that acts on the joint coordinates, as one object of Exudyn's on the bodies' coordinates.
+"""All forces on the joint coordinates, as one Exudyn object on the bodies' coordinates.
 
 With w_k the row that gives the rate of joint coordinate k from the rates of the bodies' coordinates, torques
 tau act as W^T tau, a rotor of reflected inertia I as a mass I w^T w, and a wrench on the base through its
@@ -34,7 +34,7 @@ DIFFERENCE = 1e-7
 
 @dataclass(frozen=True)
 class JointMotion:
-    """The joints with one coordinate at an instant, n, and behind them the motors that move by themselves, m.
+    """The n joints with one coordinate at an instant, followed by m motors with their own coordinate.
 
     Attributes:
         position, velocity: [rad or m, per s], joints in the order of the file.
@@ -63,10 +63,10 @@ class Drive:
     Args:
         connections: of the robot, with where they hold, one pair of places each.
         order: names of the joints with one coordinate, in the order of the file.
-        rotors: mass matrix of the rotors on these and then on the motors that move by themselves, square
+        rotors: mass matrix of the rotors on these and then on the motors with their own coordinate, square
             [kg m^2, kg m or kg].
         motors: node of the latter's coordinates; None without any.
-        watched: nodes that forces look at without acting on them.
+        watched: nodes on which forces depend without acting on them.
         base: node of a free base, whose wrench comes with the forces; None of a fixed one.
     """
 

@@ -1,4 +1,4 @@
-"""The mount of a base that gives way: where it is at rest, and what it carries there."""
+"""The mount of a compliant base: its rest pose, and its load there."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def mounted(robot: Robot, effects: Effects) -> Effects:
-    """The effects with the mount of a base that gives way put in place, carrying what rests on it."""
+    """The effects with the mount of a compliant base placed and balancing its initial load."""
     if not effects.mounts:
         return effects
     home, rotation = np.asarray(robot.base.position, dtype=float), from_rpy(robot.base.rpy)
@@ -31,7 +31,7 @@ def mounted(robot: Robot, effects: Effects) -> Effects:
 
 
 def _carried(robot: Robot, effects: Effects) -> tuple[Array, Array]:
-    """Force and moment about the base's origin that hold the robot as it begins, inertial axes [N, N m]."""
+    """Force and moment about the base's origin that hold the robot at the start, inertial axes [N, N m]."""
     parts, connections = parts_of(robot, effects.masses, effects.points, effects.stiffening)
     gravity = np.asarray(robot.gravity, dtype=float) + effects.gravity
     poses = initial_poses(robot, parts, connections)

@@ -1,4 +1,4 @@
-"""Bearing loads from the forces with which Exudyn keeps its constraints.
+"""Bearing loads from Exudyn's constraint forces.
 
 With constraints g(q) = 0 and M qdd + g_q^T lambda = f, a multiplier acts on the outer part of its constraint
 with -lambda. A joint's equations are those of Exudyn's `ObjectJointGeneric`, in this order: three
@@ -33,7 +33,7 @@ PRODUCTS = {
 def constraint_wrench(
     kind: str, multipliers: Sequence[float] | Array, outer: Handle, inner: Handle
 ) -> tuple[Array, Array]:
-    """Force on the inner body and moment about the point that it holds, inertial axes [N, N m]."""
+    """Force on the inner body and moment about its attachment point, inertial axes [N, N m]."""
     force = -np.asarray(multipliers[:3], dtype=float)
     if kind == "prismatic":
         force = outer.joint @ force

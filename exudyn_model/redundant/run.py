@@ -1,7 +1,7 @@
 """A run of the redundant system: states, forces and rows of the recording, in step with the solver.
 
-Friction that depends on bearing loads sees the multipliers of Exudyn's present Newton iterate, so that at the
-end of a step loads and friction agree and no step is lost between them: the order stays the integrator's.
+Friction that depends on bearing loads uses the multipliers of Exudyn's present Newton iterate, so that at the
+end of a step loads and friction agree without a delay: the order stays that of the integrator.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 #: Tolerance of Newton's iterations with exact beams, per EA [N]: their stretching forces are EA times the
 #: rounding of positions of some metres over elements of some decimetres.
 BEAM_TOLERANCE = 1e-13
-#: Passes through loads and friction after a jump, and the relative change that ends them.
+#: Iterations of loads and friction after a jump, and the relative change that ends them.
 PASSES, SETTLED = 50, 1e-12
 
 
@@ -96,7 +96,7 @@ class RedundantRun:
         )
 
     def samples(self, progress: Callable[[float], None]) -> Samples:
-        """Run, telling the time of every sample; raises `InputError` when the motion diverges."""
+        """Run, reporting the time of every sample; raises `InputError` when the motion diverges."""
         self._progress = progress
         if not self._stepper.run(0.0, float(self._grid[-1])) or len(self._samples) < len(self._grid):
             names = [joint.name for joint in self._robot.moving_joints]
@@ -104,7 +104,7 @@ class RedundantRun:
         return self._samples
 
     def _state(self, time: float, motion: JointMotion, x: Array, v: Array) -> JointState:
-        """What controllers and laws see, at coordinates of the drive."""
+        """Input of controllers and laws, at coordinates of the drive."""
         base = None
         if self._system.free:
             own = self._system.drive.whole(x)[:7]
@@ -115,7 +115,7 @@ class RedundantRun:
         return JointState(time, q, qd, base, self._loads(motion), motor, motor_rate, inner)
 
     def _inner(self, motion: JointMotion, x: Array, v: Array) -> Inner:
-        """Spherical joints, and the links whose bending the controller knows."""
+        """Spherical joints, and the links whose deflection the controller measures."""
         pairs = [motion.handles[k] for k in self._balls]
         rows = [place for rows in self._system.drive.watched for place in range(rows.start, rows.stop)]
         return Inner(
@@ -143,14 +143,14 @@ class RedundantRun:
         return self._total(self._begun(self._state(time, motion, x, v)))
 
     def _begun(self, state: JointState) -> JointState:
-        """The same state; the first one is what everything remembered begins from."""
+        """The same state; the first one initialises all memories."""
         if not self._started:
             self._started = True
             self._forces.start(state)
         return state
 
     def _near(self, time: float, motion: JointMotion, x: Array, v: Array) -> Callable[[JointMotion], Array]:
-        """Forces close by, with the loads as they are and, where it is not stiff, the controller's output."""
+        """Forces nearby, with constant loads and, where it is not stiff, constant controller output."""
         state, n = self._begun(self._state(time, motion, x, v)), self._system.drive.joints
         output = None if self._forces.stiff_control else self._forces.output(state)
 
@@ -168,7 +168,7 @@ class RedundantRun:
     def _next_stop(self, time: float) -> float:
         row = len(self._samples)
         if row < len(self._grid) and self._grid[row] <= time + ON_GRID:
-            row += 1  # asked before the sample at this instant is taken
+            row += 1  # called before the sample at this instant is recorded
         stop = float(self._grid[row]) if row < len(self._grid) else math.inf
         tick = self._forces.next_tick
         return stop if tick is None or tick <= time + ON_GRID else min(stop, tick)
@@ -191,10 +191,10 @@ class RedundantRun:
         return before if ticked or self._begins else None
 
     def _jumped(self, solver: Any, before: Array) -> Array:
-        """Accelerations and multipliers that go with forces which are no longer `before`.
+        """Accelerations and multipliers for forces that differ from `before`.
 
-        At the start they are also put right to rounding: Exudyn finds its first ones by differences, and the
-        trapezoidal rule would carry their error of 1e-7 along for ever.
+        At the start they are also corrected to rounding: Exudyn computes its first ones by differences, and
+        the trapezoidal rule would keep their error of 1e-7 forever.
         """
         data, mbs = self._system.mbs.systemData, self._system.mbs
         x, v = data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
@@ -236,7 +236,7 @@ class RedundantRun:
         return True
 
     def _consistent(self, x: Array, v: Array, a: Array) -> Array:
-        """Accelerations that keep the constraints at this state, their multipliers put into the system.
+        """Accelerations that satisfy the constraints at this state; stores their multipliers in the system.
 
         Those of a step carry the rounding of positions and velocities, divided by the step.
         """

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 exu: Any = exudyn
 items: Any = exudyn.itemInterface
 
-#: Which of three translations and three turns about the joint's axes a joint locks; z is the joint's axis.
+#: Locked translations and rotations about the joint's axes, by kind of joint; z is the joint's axis.
 LOCKED = {
     "revolute": (1, 1, 1, 1, 1, 0),
     "prismatic": (1, 1, 0, 1, 1, 1),
@@ -42,8 +42,8 @@ LOCKED = {
 }
 
 
-#: Five-point central difference: exact for polynomials up to the fourth degree, which is what the rows of
-#: the constraints are along a line of the coordinates (products of four Euler parameters at most).
+#: Five-point central difference: exact for polynomials up to the fourth degree, such as the rows of the
+#: constraints along a line of the coordinates (products of four Euler parameters at most).
 STENCIL = ((-2.0, 1 / 12), (-1.0, -8 / 12), (1.0, 8 / 12), (2.0, -1 / 12))
 #: Length of its step in units of the coordinates: large, so that nothing cancels.
 STRIDE = 0.25
@@ -65,7 +65,7 @@ class System:
         frames: coordinates of every body that turns, of a beam every node.
         gravity: inertial frame [m/s^2], shape (3,).
         reference: reference values of all coordinates.
-        pushes: what pushes on bodies.
+        pushes: force effects on bodies.
         welds: Exudyn's constraints of nodes that move in the frames of modal bodies.
     """
 
@@ -159,10 +159,10 @@ def build(
 ) -> System:
     """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam".
 
-    `base` is how the base begins; left out, at rest where the description has it. `bent` says how modal
-    bodies begin, by name; others are straight, and what is not modal must be. `motors` are the first
-    positions of the motors that move by themselves, which begin as fast as their joints. `nearby` gives the
-    forces close to a state, for their slopes. `watched` names links whose modal coordinates they depend on.
+    `base` is the initial state of the base, by default at rest as described. `bent` is the initial deflection
+    of modal bodies, by name; others must be straight. `motors` are the initial positions of motors with their
+    own coordinate, which start with the speed of their joints. `nearby` gives the forces close to a state,
+    for their derivatives. `watched` names links on whose modal coordinates they depend.
     """
     parts, connections = parts_of(robot, effects.masses, effects.points, effects.stiffening)
     poses = initial_poses(robot, parts, connections, base=base, bent=bent)

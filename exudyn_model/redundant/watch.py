@@ -1,4 +1,4 @@
-"""What a recording of a redundant system shows besides the joints: bearings, spheres, tips, balances."""
+"""Channels of a redundant system besides the joints: bearings, spherical joints, tips, energy, momenta."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
 def extra_channels(robot: Robot, *, flexible: str = "modal") -> tuple[str, ...]:
     """Channels that the redundant formulation gives besides those of the kinematic tree.
 
-    Modal coordinates are there where links bend by modes, `flexible` being "modal".
+    Modal coordinates are included where links bend by modes, with `flexible` "modal".
     """
     names = [f"{joint.name}.{load}" for joint in robot.moving_joints for load in LOADS]
     for joint in robot.spherical_joints:
@@ -86,7 +86,7 @@ class Watch:
         return [*found, energy + stored + pushed, *rest]
 
     def _pushed(self, time: float, x: Array, v: Array) -> tuple[float, Array]:
-        """Energy in what pushes on bodies, and angular momentum on board, inertial axes."""
+        """Energy of the force effects on bodies, and angular momentum on board, inertial axes."""
         energy, spin = 0.0, np.zeros(3)
         for gripped in self._system.pushes:
             rows = [self._system.rows_of(node) for node in gripped.grip.nodes]
@@ -127,8 +127,8 @@ class Watch:
     def _balances(self, x: Array, v: Array, mass: Array, motion: JointMotion) -> list[float]:
         """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix.
 
-        Reflected rotors have energy, and no mass or momentum of a body; on a fixed base they would turn with
-        the robot as a whole.
+        Reflected rotors have energy, but no mass or momentum of a body; on a fixed base they would rotate
+        with the entire robot.
         """
         moves, turns = self._rigid_motions(x)
         driven = self._system.driven.astype(np.intp)

@@ -1,4 +1,4 @@
-"""From states at the sampling instants to named channels."""
+"""Named channels from states at the sampling instants."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Array = NDArray[np.float64]
 
 #: Channels of a joint that are sampled, in the order of a row of `Samples`.
 SAMPLED = ("position", "velocity", "acceleration", "torque", "friction_torque")
-#: Channels of a motor that moves by itself, in the order of a row of its samples.
+#: Channels of a motor with its own coordinate, in the order of a row of its samples.
 MOTOR = ("motor_position", "motor_velocity", "gear_torque")
 #: Channels of every motor of a transmission.
 COUPLED: tuple[str, ...] = ("position", "velocity", "torque")
-#: What they are where motor and joint move as one, for those who measure it.
+#: Corresponding joint channels where motor and joint move as one, for robots that measure them.
 RIGID = {"motor_position": "position", "motor_velocity": "velocity"}
 #: Channels of a free base: position in the inertial frame, attitude, and the rest in base axes.
 BASE = (
@@ -62,7 +62,7 @@ class Samples:
         self.motors.append([state.motor_position, state.motor_velocity, forces.gears])
 
     def add_forces(self, state: JointState, forces: Forces) -> None:
-        """What forces tell at an accepted state besides `add_joints`: winding voltages of a voltage drive
+        """Further values at an accepted state besides `add_joints`: winding voltages of a voltage drive
         [V], temperatures [K], contact forces in bearings with clearance [N], losses [W, J]."""
         voltage = forces.voltage(state)
         if voltage is not None:
@@ -115,7 +115,7 @@ def channel_names(robot: Robot, extra: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def _of_motor(robot: Robot, joint: str) -> tuple[str, ...]:
-    """Channels of a joint's motor: all where it moves by itself, else its motion where that is measured."""
+    """Channels of a joint's motor: all if it has its own coordinate, else its motion if measured."""
     if joint in geared_drives(robot):
         return MOTOR
     wanted = {sensor.channel for sensor in robot.sensors}
@@ -123,7 +123,7 @@ def _of_motor(robot: Robot, joint: str) -> tuple[str, ...]:
 
 
 def geared_drives(robot: Robot) -> tuple[str, ...]:
-    """Drives whose motor moves by itself, in their order."""
+    """Drives with a separate motor coordinate, in their order."""
     geared = {use.at for use in robot.effects if use.effect in GEAR_PARTS}
     return tuple(drive.name for drive in robot.drives if drive.name in geared)
 
@@ -133,7 +133,7 @@ def exact_recording(
 ) -> Recording:
     """Every channel without noise, in the order of `channel_names`; `extra` names the samples' own.
 
-    With `losses` there are also power and energy that joints turn into heat.
+    With `losses`, power and energy dissipated in the joints are included.
     """
     joints = robot.moving_joints
     table = np.array(samples.joints).reshape(len(time), len(SAMPLED), len(joints))

@@ -1,4 +1,4 @@
-"""A run that got nowhere, told with its last state."""
+"""The error of a diverging run, with its last state."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def diverged(
     """The error of a motion that diverges after `time` [s].
 
     Args:
-        robot: what was run.
+        robot: the simulated robot.
         time: of the last instant that could be computed.
         joints: names, in the order of `position` [rad or m] and `velocity` [rad/s or m/s] at that instant.
     """

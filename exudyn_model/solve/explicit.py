@@ -1,8 +1,8 @@
 """Explicit Runge-Kutta at fixed steps, for the kinematic tree: the highest order that Exudyn offers.
 
-Of sixth order in seven stages, for proofs of convergence: smooth motion of a rigid robot is then followed to
-rounding. Nothing is remembered between the stages of a step, and dry friction wants implicit steps; so laws
-with a memory are not for it.
+Of sixth order in seven stages, for proofs of convergence: smooth motion of a rigid robot is then accurate to
+rounding. There is no memory between the stages of a step, and dry friction requires implicit steps; so laws
+with a memory are not supported.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ Dynamics = tuple[Array, Array]
 
 
 class ExplicitStepper:
-    """One run of Exudyn's explicit solver; arguments as of `stepping.Stepper`.
+    """One run of Exudyn's explicit solver; arguments as in `stepping.Stepper`.
 
-    `decided` is called before each step, with time, coordinates, rates, the step's length, and what gives the
-    system's dynamics: it may change forces for the length of the step.
+    `decided` is called before each step, with time, coordinates, rates, the step's length, and a function for
+    the system's dynamics: it may change forces for the duration of the step.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What the robot's sensors make of the exact channels: faults, then white noise, then resolution."""
+"""Measured channels from exact ones: faults, then white noise, then resolution."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 def sensed(
     robot: Robot, exact: Recording, *, faults: Sequence[tuple[str, SensorFault]], seed: int
 ) -> Recording:
-    """The recording that the sensors of `robot` make; without sensors, all channels of what is
-    described, without noise.
+    """The recording of the sensors of `robot`; without sensors, all channels of the described robot,
+    without noise.
 
     Args:
-        robot: its `sensors`.
+        robot: with its `sensors`.
         exact: every channel without noise.
-        faults: channel and what is wrong with its sensor, in the order of the file.
+        faults: channel and fault of its sensor, in the order of the file.
         seed: each channel's noise depends on it and on the channel's name only.
     """
     described = [name for name in exact if _is_described(robot, name)]
@@ -63,7 +63,7 @@ def check_sensors(robot: Robot, channels: Sequence[str], faulty: Sequence[str]) 
 
 
 def _is_described(robot: Robot, channel: str) -> bool:
-    """Whether the description has what the channel is of; effects may have added bodies and modes."""
+    """Whether the channel belongs to the description; effects may have added bodies and modes."""
     place, quantity = channel.split(".")[:2]
     bends = {link.name: link.flexible for link in robot.links}
     if place in bends:

@@ -1,4 +1,4 @@
-"""From where and at which instants a run is recorded, and whether it can be."""
+"""Initial state and sampling instants of a run, and checks that it can be run."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def check_movable(robot: Robot, mechanism: Mechanism) -> None:
 
 
 def initial_state(robot: Robot, mechanism: Mechanism) -> RobotState:
-    """Where the description starts."""
+    """The initial state of the description."""
     joints = [robot.moving_joints[k] for k in mechanism.coordinate]
     return RobotState(
         time=0.0,

@@ -5,7 +5,7 @@ any sequence of step sizes, adds no numerical damping, and stays stable where re
 bristle makes the equations stiff. Its local error in the velocities, h^3 |d2a/dt2| / 12, is estimated from
 the accelerations of three instants; a step beyond the tolerance is repeated smaller. So smooth motion runs
 at the given step, and only reversals and impacts of friction are resolved finer. The trapezoidal rule
-rings at step sizes that jump over a fast transient; error control is what keeps it from doing so.
+oscillates at step sizes that skip a fast transient; error control prevents this.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ exu: Any = exudyn
 
 #: Local error of a velocity per step [rad/s or m/s], at the default step.
 TOLERANCE = 1e-7
-#: Steps below this [s] are accepted whatever their error: only a jump of the forces asks for them.
+#: Steps below this [s] are accepted whatever their error: only a jump of the forces requires them.
 SMALLEST_STEP = 1e-7
-#: Step sizes change at most by these factors, and aim at this share of the step that would just do.
+#: Limits of the change of step size, and safety factor on the step that would just meet the tolerance.
 LARGEST_GROWTH, LARGEST_CUT, SAFETY = 2.0, 0.2, 0.85
 #: Relative tolerance of Newton's iterations with constraints: Exudyn's own, 1e-8, leaves noise in velocities
 #: that accelerations and constraint forces keep, divided by the step.
 CONSTRAINED_TOLERANCE = 1e-10
-#: The same at fixed steps, where nothing but the step shall be left of the difference to the exact motion.
+#: The same at fixed steps, where only the step error should remain.
 FIXED_TOLERANCE = 1e-13
-#: Newton's iterations that shrink the residual by less get a new Jacobian: each asks for the forces once, a
-#: Jacobian of two joints four times. Exudyn's own, 0.5, takes six iterations a step with one of long ago.
+#: Newton's iterations that reduce the residual by less get a new Jacobian: each evaluates the forces once, a
+#: Jacobian of two joints four times. Exudyn's own, 0.5, takes six iterations a step with an old Jacobian.
 CONTRACTIVITY = 0.03
-#: How near to an instant of the grid counts as on it [s]; Exudyn ends a run with the same tolerance.
+#: Tolerance for instants of the grid [s]; Exudyn ends a run with the same tolerance.
 ON_GRID = 1e-10
 #: Speeds beyond this are a diverging run [rad/s or m/s].
 LARGEST_SPEED = 1e4
@@ -60,13 +60,13 @@ class Stepper:
         tolerance: local error of a velocity per step [rad/s or m/s].
         next_stop: time [s] to the next instant after it that must be met exactly.
         accepted: called at every accepted instant (the first included) with time, coordinates and rates;
-            returns by how much the forces jump here, None where they do not.
+            returns the jump of the forces here, None without a jump.
         seen: called after it with time, coordinates, rates and accelerations (after the jump); returns
-            whether to go on.
-        jumped: the change of the accelerations that a jump of the forces makes, from the solver and the
-            jump; by the mass matrix alone when left out.
-        constrained: constraints hold at velocity level (index 2), where the trapezoidal rule leaves their
-            forces free of ringing.
+            whether to continue.
+        jumped: the change of the accelerations due to a jump of the forces, from the solver and the jump; by
+            default from the mass matrix alone.
+        constrained: constraints hold at velocity level (index 2), where their forces do not oscillate under
+            the trapezoidal rule.
         newton: relative and absolute tolerance of Newton's iterations; None leaves Exudyn's own.
     """
 
@@ -131,7 +131,7 @@ class Stepper:
         return [inf, max(SMALLEST_STEP, h * max(LARGEST_CUT, self._factor()))]
 
     def _estimate(self, h: float) -> float:
-        """h^3 |d2a/dt2| / 12 by divided differences over unequal steps, less where it is very fast."""
+        """h^3 |d2a/dt2| / 12 by divided differences over unequal steps, scaled down at high speeds."""
         assert self._last is not None
         slope = (self._data.GetODE2Coordinates_tt() - self._last) / h
         if self._slope is None:
@@ -170,7 +170,7 @@ class Stepper:
         grown = h * min(LARGEST_GROWTH, self._factor())
         if h < 0.999 * self._planned or grown < h:  # repeated smaller, or about to be
             self._wanted = min(self._step, grown)
-        else:  # a step cut short to meet the grid says nothing against the size tried before
+        else:  # a step shortened to meet the grid does not invalidate the previous size
             self._wanted = min(self._step, max(self._wanted, grown))
 
     def _plan(self, time: float) -> None:
@@ -181,7 +181,7 @@ class Stepper:
 
 
 class Silence:
-    """No output of Exudyn while its solver runs; what went wrong is told by our own errors."""
+    """Suppress Exudyn's output while its solver runs; failures are reported by our own errors."""
 
     def __enter__(self) -> None:
         self._before = exu.config.printToConsole, exu.config.suppressWarnings

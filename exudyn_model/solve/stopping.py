@@ -1,13 +1,13 @@
-"""Friction that tries to stop the joints within a step, as forces that act over the whole of the step.
+"""Friction that tries to stop the joints within a step, as constant forces over the step.
 
 Breedveld, Diepenbroek, van Lunteren, ICAR 1997. With M the mass matrix and a the accelerations without dry
 friction, the friction T of a step h obeys on every joint
 
     low <= T <= high,   w = qd / h + a + M^-1 T:   w = 0 between, w >= 0 at low, w <= 0 at high,
 
-low and high what the laws give in the two directions of sliding: a box constrained problem with a symmetric
-positive definite matrix, whose one solution projected Gauss-Seidel sweeps find. The force is held over the
-step, so that a joint comes to rest up to the square of the step; the next step takes the remainder.
+low and high the laws' values in the two directions of sliding: a box constrained problem with a symmetric
+positive definite matrix, whose unique solution projected Gauss-Seidel sweeps find. The force is constant over
+the step, so that a joint comes to rest up to the square of the step; the next step removes the remainder.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ def stopped(
     dynamics: Callable[[], Dynamics],
     places: Sequence[int],
 ) -> Stopping:
-    """What friction does over the step from a state.
+    """Friction over the step from a state.
 
     Args:
-        forces: on the joints; what friction does is set to trial values.
+        forces: on the joints; their friction is set to trial values.
         state: at the start of the step.
         step: its length [s].
-        dynamics: gives the system's mass matrix and accelerations under the forces as they are set.
-        places: of the joints among the system's coordinates.
+        dynamics: gives the system's mass matrix and accelerations under the present forces.
+        places: indices of the joints among the system's coordinates.
     """
     count = len(places)
     nothing = [0.0] * count

@@ -1,8 +1,8 @@
 """The mechanism as an Exudyn system, and the meaning of its coordinates.
 
 A free base hangs on six massless joints: three slides along the inertial axes, then turns about x, y, z
-from an anchor attitude. These angles are singular a quarter turn away in the second one; a run therefore
-stops well before and goes on from a new anchor (`Placement.is_near_its_end`), which is exact.
+from an anchor attitude. These angles are singular at a quarter turn of the second one; a run therefore stops
+well before and continues from a new anchor (`Placement.is_near_its_end`), which is exact.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class RobotState:
         base_rotation: base to inertial axes, shape (3, 3).
         base_position, base_velocity: in the inertial frame [m, m/s], shape (3,).
         base_angular_velocity: in base axes [rad/s], shape (3,).
-        motor_position, motor_velocity: of motors that move by themselves [rad or m, per s].
+        motor_position, motor_velocity: of motors with their own coordinate [rad or m, per s].
     """
 
     time: float
@@ -62,13 +62,13 @@ class RobotState:
 
 @dataclass(frozen=True)
 class Placement:
-    """How coordinates of the system become the state of the robot.
+    """Conversion from coordinates of the system to the state of the robot.
 
     Attributes:
         free: the first six coordinates are the base's.
         anchor: attitude at zero base angles, shape (3, 3).
         position: of a fixed base [m], shape (3,).
-        motors: the last coordinates are those of so many motors that move by themselves.
+        motors: number of motor coordinates, which are the last ones.
     """
 
     free: bool
@@ -81,7 +81,7 @@ class Placement:
         return 6 if self.free else 0
 
     def is_near_its_end(self, coordinates: Sequence[float] | Array) -> bool:
-        """Whether the base has turned so far from the anchor that a new one is due."""
+        """Whether the base has rotated so far from the anchor that a new one is needed."""
         return self.free and abs(coordinates[4]) > ANCHOR_RANGE
 
     def base(self, x: Sequence[float], v: Sequence[float]) -> BaseState:
@@ -124,7 +124,7 @@ def build(
 ) -> System:
     """Exudyn system of `mechanism` starting at `state`, driven by `forces` on all coordinates.
 
-    The last coordinates are those of motors that move by themselves, of inertias `motors` [kg m^2 or kg].
+    The last coordinates are those of separate motors, of inertias `motors` [kg m^2 or kg].
     """
     placement = Placement(mechanism.free, state.base_rotation, mechanism.base_position, len(motors))
     container = exu.SystemContainer()
@@ -137,7 +137,7 @@ def build(
             nodeNumber=nodes[0], gravity=mechanism.gravity, **on_tree, **_tree(mechanism, placement)
         )
     )
-    # Reflected rotor inertia acts on the joint coordinates alone: a mass of its own on the tree's node.
+    # Reflected rotor inertia acts on the joint coordinates only: a separate mass on the tree's node.
     rotors = _rotors(mechanism, placement.base_coordinates)
     if motors:
         # Forces depend on joints and motors, so they are those of an object on both.
@@ -163,7 +163,7 @@ def _rotors(mechanism: Mechanism, first: int) -> Array:
 
 
 def coordinates(mbs: Any, x: Sequence[float], v: Sequence[float]) -> int:
-    """A node of so many coordinates that begin there; their reference values are zero."""
+    """A node with these initial coordinates; their reference values are zero."""
     node = items.NodeGenericODE2(
         referenceCoordinates=[0.0] * len(x),
         initialCoordinates=list(x),

@@ -1,1 +1,1 @@
-"""CasADi functions as compiled C, kept between runs, and called with little overhead."""
+"""CasADi functions as compiled C, cached between runs, and called with little overhead."""

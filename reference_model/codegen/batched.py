@@ -1,4 +1,4 @@
-"""Evaluating CasADi functions with little overhead: over recordings block by block, or again and again."""
+"""Evaluation of CasADi functions with little overhead: over recordings block by block, or repeatedly."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ class Batched:
         function: dense column inputs and outputs.
 
     Calling it with one array per input, shape (N, rows) or (rows,) when the same for all samples, gives one
-    array per output, shape (N, rows). Long calls of functions of plain operations are shared among
-    processors, and from the call on in which the samples of all calls pass `compiled.EARNS_AFTER` they run
-    as compiled C where that is possible, with the same results.
+    array per output, shape (N, rows). Long calls of functions of plain operations are distributed over
+    processors, and once the samples of all calls exceed `compiled.EARNS_AFTER` they run as compiled C where
+    that is possible, with the same results.
 
     Attributes:
-        note: where it runs.
+        note: how it runs.
     """
 
     def __init__(self, function: ca.Function) -> None:
         self._function = function
-        plain = function.is_a("SXFunction")  # others call into CasADi's own solvers and splines
+        plain = function.is_a("SXFunction")  # other functions call CasADi's own solvers and splines
         self._maps = _shared(_mapped(function)) if plain else {BLOCK: function.map(BLOCK)}
         self._inputs = [function.size1_in(k) for k in range(function.n_in())]
         self._outputs = [function.size1_out(k) for k in range(function.n_out())]
         self._seen = 0
         self._decided = not plain
-        self.note = "CasADi's own machine"
+        self.note = "CasADi's virtual machine"
 
     def __call__(self, *arrays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         samples = max((len(a) for a in arrays if np.ndim(a) == 2), default=1)
@@ -89,7 +89,7 @@ class Batched:
                 result[start : start + count] = scratch[:count]
 
     def _consider(self, samples: int) -> None:
-        """Compile when the evaluations so far and the coming ones would have paid for it."""
+        """Compile when the evaluations so far and the coming ones justify it."""
         self._seen += samples
         if self._decided or self._seen < EARNS_AFTER:
             return
@@ -111,13 +111,13 @@ def _shared(mapped: Sequence[ca.Function]) -> dict[int, ca.Function]:
 
 @cache
 def _processors() -> int:
-    """How many share long calls: as many as `OMP_NUM_THREADS` says, as it does to NumPy's libraries."""
-    told = os.environ.get("OMP_NUM_THREADS", "")
-    return min(int(told) if told.isdecimal() and int(told) else os.cpu_count() or 1, MOST_PROCESSORS)
+    """Number of threads for long calls: `OMP_NUM_THREADS`, as for NumPy's libraries."""
+    threads = os.environ.get("OMP_NUM_THREADS", "")
+    return min(int(threads) if threads.isdecimal() and int(threads) else os.cpu_count() or 1, MOST_PROCESSORS)
 
 
 class InPlace:
-    """A function of column vectors, evaluated where its arguments and results stand: nothing is copied.
+    """A function of column vectors, evaluated in place: nothing is copied.
 
     Args:
         function: dense inputs and outputs.
@@ -136,17 +136,17 @@ class InPlace:
             buffer.set_arg(k, memoryview(column))  # type: ignore[call-arg, arg-type]
         for k, result in enumerate(self.outputs):
             buffer.set_res(k, memoryview(result.T))  # type: ignore[call-arg, arg-type]
-        # Whoever holds `evaluate` alone holds all that it reads and writes.
+        # A reference to `evaluate` alone keeps all its arrays alive.
         self.evaluate.kept = function, buffer, self.inputs, self.outputs
 
 
 class Single:
-    """A function of column vectors, called again and again with plain arrays.
+    """A function of column vectors, called repeatedly with plain arrays.
 
     Args:
         function: dense column inputs, dense outputs.
 
-    Calling it with numbers or arrays gives fresh arrays of the outputs' shapes.
+    Calling it with numbers or arrays gives new arrays of the outputs' shapes.
     """
 
     def __init__(self, function: ca.Function) -> None:
@@ -160,7 +160,7 @@ class Single:
 
 
 class Chain:
-    """A function of what it gave before and of one more column, called many times without coming back.
+    """A function of its last result and of one more column, called many times without returning to Python.
 
     Args:
         function: made by `mapaccum`: the first of its results is the next call's first input.

@@ -16,7 +16,7 @@ __all__ = ["PIECE", "WHOLE", "in_pieces"]
 #: Lines of one piece; measured to compile fastest, while the code loses about a third of its speed.
 PIECE = 300
 
-#: Functions up to this many lines stay whole: no longer to compile, and code 1.4 times as fast.
+#: Functions up to this many lines are not split: compiling takes no longer, and code is 1.4 times as fast.
 WHOLE = 15_000
 
 _HEAD = re.compile(
@@ -42,7 +42,7 @@ class _Piece:
 def in_pieces(source: str, *, whole: int = WHOLE, size: int = PIECE) -> str:
     """The same C source with every function of more than `whole` assignments cut into pieces of `size`.
 
-    Functions that hold anything but scalar assignments are left as they are.
+    Functions that hold anything but scalar assignments are unchanged.
     """
     lines, found, row = source.split("\n"), [], 0
     while row < len(lines):

@@ -1,8 +1,8 @@
-"""Where compiled code is kept between runs: a private folder of files that prove what they hold.
+"""Cache of compiled code between runs: a private folder of checksummed files.
 
-An entry is one file whose name ends with the checksum of its content, so a damaged file is known as such and
-two processes that make the same entry at once do not disturb each other: the last rename wins, and both wrote
-the same thing. Code is only loaded from a folder that nobody but its owner can write to.
+An entry is one file whose name ends with the checksum of its content, so damaged files are detected and two
+processes that make the same entry at once do not conflict: the last rename wins, and both wrote the same
+content. Code is only loaded from a folder that only its owner can write to.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def private_folder() -> Path:
 
 
 def _caches() -> Path:
-    """Where this system keeps a user's caches."""
+    """The system's cache folder of the user."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if sys.platform == "darwin":
@@ -52,7 +52,7 @@ def _caches() -> Path:
 
 
 def entry(folder: Path, key: str) -> Path | None:
-    """The sound file kept under `key`; damaged ones are removed on the way."""
+    """The intact file stored under `key`; damaged ones are removed."""
     for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
         _check_own(path)
         if path.name == _name(key, path.read_bytes()):
@@ -75,7 +75,7 @@ def _name(key: str, content: bytes) -> str:
 
 
 def _check_own(path: Path) -> None:
-    """Refuse what another user owns or can write; Windows keeps a user's cache folder private by itself."""
+    """Refuse files that another user owns or can write; on Windows a user's cache folder is private."""
     if not hasattr(os, "getuid"):
         return
     found = path.stat()

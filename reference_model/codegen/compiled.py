@@ -1,12 +1,12 @@
-"""CasADi functions as compiled C where a C compiler is present, else as they are: the same numbers.
+"""CasADi functions as compiled C where a C compiler is present, else unchanged, with the same results.
 
-CasADi evaluates an expression graph in a machine of its own, at some nanoseconds for each operation. The same
-graph as C runs 10 to 25 times faster, but compiling it takes as long as 20,000 to 50,000 evaluations; so
-compiled code is kept between runs (see `code_cache`), and callers ask for it where it will earn its price.
+CasADi evaluates an expression graph in its own virtual machine, at some nanoseconds for each operation. The
+same graph as C runs 10 to 25 times faster, but compiling it takes as long as 20,000 to 50,000 evaluations; so
+compiled code is cached between runs (see `code_cache`), and callers request it where it is worth the time.
 
-Flags: -O1, and for functions of moderate length that run long, -O2 for the very processor and in one piece
-(`tuned`): on state derivatives of 2,000 to 6,000 operations this took a quarter off the time, on derivatives
-of such of 13,000 half of it. Above, compiling takes longer than it gains: 36,000 operations 14 s instead of
+Flags: -O1, and for functions of moderate length that run long, -O2 for this processor and in one piece
+(`tuned`): on state derivatives of 2,000 to 6,000 operations this saved a quarter of the time, on their
+derivatives of 13,000 half of it. Above, compiling takes longer than it gains: 36,000 operations 14 s, not
 3.4 s in pieces, for 6.3 us instead of 10.9 us. -ffp-contract=off keeps processors with fused multiply-add at
 the same rounding.
 """
@@ -43,7 +43,7 @@ __all__ = [
     "switched_off",
 ]
 
-#: Environment variable: `0`, `off` or `no` leaves everything to CasADi's own machine.
+#: Environment variable: `0`, `off` or `no` disables compilation.
 SWITCH = "MISSING_PHYSICS_COMPILED"
 
 #: Evaluations after which compiling a function costs less than going on without: about 0.1 to 0.25 ms are
@@ -53,14 +53,14 @@ EARNS_AFTER = 30_000
 #: In the order of preference.
 COMPILERS = ("gcc", "clang", "cc")
 FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
-#: For the processor at hand, without contraction still the same numbers; come after `FLAGS`.
+#: For this processor, without contraction for the same results; appended to `FLAGS`.
 TUNED = ("-O2", "-march=native")
-#: Functions together longer than this take long to compile with `TUNED`: this many, some 6 s.
+#: Functions with more operations in total take long to compile with `TUNED`: this many, some 6 s.
 MOST_TUNED = 25_000
 #: A call of compiled code costs as much as some twenty operations in it: a function shorter than this is
 #: compiled with the loop that calls it.
 MOST_IN_LOOPS = 4_000
-#: Functions together longer than this are not compiled: it would take minutes.
+#: Functions with more operations in total are not compiled: it would take minutes.
 MOST_OPERATIONS = 500_000
 #: Time after which compiling is given up [s].
 PATIENCE = 300.0
@@ -76,7 +76,7 @@ class Code:
 
     Attributes:
         functions: with the names, inputs and outputs of those given.
-        note: where they run, and if not as compiled code, why.
+        note: how they run, and if not as compiled code, why.
         library: the file of the compiled code, which exports each function by its name.
     """
 
@@ -87,14 +87,14 @@ class Code:
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler: its path, and what tells it from others."""
+    """A C compiler: its path and identity."""
 
     path: str
     identity: str
 
 
 def switched_off() -> bool:
-    """Whether the environment asks for CasADi's own machine."""
+    """Whether the environment disables compilation."""
     return os.environ.get(SWITCH, "").lower() in {"0", "off", "no", "false"}
 
 
@@ -105,31 +105,33 @@ def compiler() -> Compiler | None:
 
 
 def compiled(functions: Sequence[ca.Function], *, tuned: bool = False) -> Code:
-    """The functions as compiled C, from the cache or made now; as they are where that is not possible.
+    """The functions as compiled C, from the cache or compiled now; unchanged where that is not possible.
 
     Args:
-        functions: with different names that C allows for functions of one's own.
-        tuned: for the processor at hand where that pays, see `TUNED`; the same numbers.
+        functions: with different names that are valid C identifiers.
+        tuned: for this processor where that is worth it, see `TUNED`; the same results.
     """
     own = tuple(functions)
     if switched_off():
-        return Code(own, f"CasADi's own machine, because {SWITCH} says so")
+        return Code(own, f"CasADi's virtual machine, because of {SWITCH}")
     chosen = compiler()
     if chosen is None:
         return Code(
-            own, f"CasADi's own machine, because no C compiler ({', '.join(COMPILERS)}) is on the path"
+            own, f"CasADi's virtual machine, because no C compiler ({', '.join(COMPILERS)}) is on the path"
         )
     counted = [function for function in own if function.is_a("SXFunction") or function.is_a("MXFunction")]
     operations = sum(function.n_instructions() for function in counted)
     if operations > MOST_OPERATIONS:
-        return Code(own, f"CasADi's own machine, because {operations} operations take too long to compile")
+        return Code(
+            own, f"CasADi's virtual machine, because {operations} operations take too long to compile"
+        )
     more = tuning(chosen) if tuned and operations <= MOST_TUNED else ()
     try:
         loaded, library = _loaded(own, chosen, more)
     except (OSError, RuntimeError, subprocess.SubprocessError) as error:
         reason = _reason(error)
         _log.warning("functions stay uncompiled: %s", reason)
-        return Code(own, f"CasADi's own machine, because compiling failed: {reason}")
+        return Code(own, f"CasADi's virtual machine, because compiling failed: {reason}")
     return Code(loaded, f"compiled by {chosen.identity.splitlines()[0]}", library)
 
 
@@ -138,7 +140,7 @@ def compiled_loops(function: ca.Function, loops: Callable[[ca.Function], Sequenc
 
     Args:
         function: of scalar operations.
-        loops: makes what repeats it, such as maps and chains.
+        loops: makes the functions that repeat it, such as maps and chains.
     """
     if function.n_instructions() <= MOST_IN_LOOPS:
         return compiled(loops(function))
@@ -147,7 +149,7 @@ def compiled_loops(function: ca.Function, loops: Callable[[ca.Function], Sequenc
 
 
 def c_library(source: str, *more: str) -> Path:
-    """A library made of C source of our own for the processor at hand, from the cache or made now.
+    """A library compiled from our own C source for this processor, from the cache or compiled now.
 
     Args:
         source: C.
@@ -183,7 +185,7 @@ def _loaded(
     folder, key = private_folder(), _key(source, chosen, more)
     path = entry(folder, key)
     if path is not None:
-        with contextlib.suppress(RuntimeError):  # sound content that does not load here is made anew
+        with contextlib.suppress(RuntimeError):  # intact content that does not load here is recompiled
             return _external(functions, path), path
         path.unlink(missing_ok=True)
     path = _made(folder, key, source, chosen, more)
@@ -223,35 +225,35 @@ def _made(folder: Path, key: str, source: str, chosen: Compiler, more: Sequence[
 
 
 def tuning(chosen: Compiler) -> tuple[str, ...]:
-    """`TUNED`, or nothing where the compiler does not say what it would mean."""
+    """`TUNED`, or nothing where the compiler does not report its meaning."""
     return TUNED if _processor(chosen.path) else ()
 
 
 @lru_cache(maxsize=8)
 def _processor(path: str) -> str:
-    """What `TUNED` means on this machine, as the compiler tells it; empty where it does not know them."""
+    """Meaning of `TUNED` on this machine, as reported by the compiler; empty if these flags are unknown."""
     command = [path, *TUNED, "-E", "-v", "-x", "c", os.devnull]
     try:
-        told = subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE).stderr
+        output = subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE).stderr
     except (OSError, subprocess.SubprocessError):
         return ""
     # The line that calls the compiler proper spells the processor out.
-    return "\n".join(line.strip() for line in told.splitlines() if "cc1" in line or "-target-cpu" in line)
+    return "\n".join(line.strip() for line in output.splitlines() if "cc1" in line or "-target-cpu" in line)
 
 
 @lru_cache(maxsize=8)
 def _identified(path: str) -> Compiler | None:
     try:
-        told = [
+        output = [
             subprocess.run([path, word], check=True, capture_output=True, text=True, timeout=PATIENCE).stdout
             for word in ("--version", "-dumpmachine")
         ]
     except (OSError, subprocess.SubprocessError):
         return None
-    return Compiler(path, "\n".join(text.strip() for text in told))
+    return Compiler(path, "\n".join(text.strip() for text in output))
 
 
 def _reason(error: Exception) -> str:
-    """The first line that speaks of an error, of the compiler or of Python."""
-    told = (getattr(error, "stderr", None) or str(error)).strip().splitlines()
-    return next((line for line in told if "error" in line), (told or [type(error).__name__])[0])
+    """The first line with an error of the compiler or of Python."""
+    output = (getattr(error, "stderr", None) or str(error)).strip().splitlines()
+    return next((line for line in output if "error" in line), (output or [type(error).__name__])[0])

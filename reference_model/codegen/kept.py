@@ -1,4 +1,4 @@
-"""What is made of a robot and costs seconds, kept for the same robot in another call."""
+"""Cache of expensive results for the same robot in later calls."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["kept"]
 
 T = TypeVar("T")
 
-#: Robots of which something is kept: the nominal one, the standard model's, the answer's, and one to spare.
+#: Number of cached robots: the nominal one, the standard model's, the answer's, and one to spare.
 ROBOTS = 4
 
 
 def kept(make: Callable[[Robot], T]) -> Callable[[Robot], T]:
-    """`make`, which keeps its last results; not of a robot with modes from a file, which may change."""
+    """`make` with a cache of its last results; not for a robot with modes from a file, which may change."""
     cached = lru_cache(maxsize=ROBOTS)(make)
 
     @wraps(make)

@@ -1,1 +1,1 @@
-"""Control laws, the reference motions that they follow, and the model that they carry."""
+"""Control laws, their reference motions, and their nominal model."""

@@ -10,8 +10,7 @@ from robot_model import AdaptiveNetwork, Robot
 
 __all__ = ["Network", "network_of"]
 
-#: Range of a reference that hardly moves, in whose half the network's inputs are counted [rad or m, or per
-#: s].
+#: Smallest range of a reference, whose half scales the network's inputs [rad or m, or per s].
 LEAST_RANGE = 1e-3
 
 

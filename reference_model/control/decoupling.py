@@ -1,8 +1,8 @@
-"""What a controller's own model says: forces for wanted accelerations, decoupled from passive coordinates.
+"""A controller's own model: forces for desired accelerations, decoupled from passive coordinates.
 
-The generalised coordinates are parted into those that the controller drives (c), the joints with one
-coordinate and a base that is held, and passive ones (p): a base that floats, spherical joints, modal
-coordinates. With ``Z ydd = z + f`` and f_p = 0 the passive accelerations follow from the wanted ones,
+The generalised coordinates are partitioned into driven ones (c), the joints with one coordinate and a held
+base, and passive ones (p): a floating base, spherical joints, modal coordinates. With ``Z ydd = z + f`` and
+f_p = 0 the passive accelerations follow from the desired ones,
 ``Z_pp ydd_p = z_p - Z_pc ydd_c``, and the forces that decouple the driven coordinates are
 f_c = Zbar ydd_c - zbar with Zbar = Z_cc - Z_cp Z_pp^-1 Z_pc and zbar = z_c - Z_cp Z_pp^-1 z_p: here inverse
 dynamics at both, so that neither is formed.
@@ -51,18 +51,18 @@ def nominal_robot(
     base_acceleration: ca.SX | None = None,
     deformed: bool = False,
 ) -> SymbolicRobot:
-    """The nominal robot in the measured motion at the wanted accelerations, passive coordinates reacting.
+    """The nominal robot in the measured motion at desired accelerations, passive coordinates reacting.
 
-    Its `inverse_dynamics` holds the forces that the controller needs and zeros in the passive rows.
+    Its `inverse_dynamics` holds the required control forces, and zeros in the passive rows.
 
     Args:
         robot: the description.
-        motion: what the controller measures; its accelerations are not used.
-        inertial: the numbers the controller believes in, shape (P,).
-        acceleration: wanted of the moving joints, n x 1.
-        base_acceleration: wanted of a base that is held, inertial, in base axes, [linear; angular], 6 x 1;
-            None for a base that is fixed or free to react.
-        deformed: modal coordinates and rates are measured; else flexible links are taken for undeformed
+        motion: the measured motion; its accelerations are not used.
+        inertial: inertial parameters of the controller's model, shape (P,).
+        acceleration: desired, of the moving joints, n x 1.
+        base_acceleration: desired, of a held base, inertial, in base axes, [linear; angular], 6 x 1; None for
+            a base that is fixed or free to react.
+        deformed: modal coordinates and rates are measured; else flexible links are treated as undeformed
             rigid bodies of the same mass properties.
     """
     if robot.flexible_links and not deformed:
@@ -87,11 +87,11 @@ def nominal_robot(
 
 
 def base_error(robot: Robot, motion: Motion) -> tuple[ca.SX, ca.SX]:
-    """How far a free base is from its initial pose and from rest, [linear; angular] in base axes, 6 x 1 each.
+    """Pose and velocity error of a free base to its initial pose at rest, [linear; angular], 6 x 1 each.
 
-    The attitude error is twice the vector part of q_d q^-1, turned into base axes: the angle about the axis
-    that leads back, times sin(angle/2)/(angle/2). Both signs of a quaternion are the same attitude, and lead
-    back the short way.
+    The attitude error is twice the vector part of q_d q^-1, in base axes: the return rotation's axis times
+    its angle times sin(angle/2)/(angle/2). Both signs of a quaternion are the same attitude; the shorter
+    rotation is used.
     """
     wanted = ca.SX(quaternion_from_rpy(robot.base.rpy))
     present = motion.attitude / ca.norm_2(motion.attitude)

@@ -1,7 +1,7 @@
 """Controllers: from the state and the reference to the actuators' torques at the joints.
 
-A controller gives a *command*, which a sampled controller holds between its instants; the drive makes the
-torque of it at every instant. The command is the torque, or for a voltage servo the winding voltage, so
+A controller gives a *command*, which a sampled controller holds between its instants; the drive converts it
+to a torque at every instant. The command is the torque, or for a voltage servo the winding voltage, so
 that back-EMF acts continuously. A controller that holds a free base commands the wrench on it first.
 """
 
@@ -71,7 +71,7 @@ def holds_base(robot: Robot) -> bool:
 
 
 def adapts(robot: Robot) -> bool:
-    """Whether the controller has an adaptive network, whose error s ends the command."""
+    """Whether the controller has an adaptive network, whose error s is the end of the command."""
     return isinstance(robot.controller, AdaptiveNetwork)
 
 
@@ -82,15 +82,15 @@ def command_size(robot: Robot) -> int:
 
 
 def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float64]) -> ca.SX:
-    """The command: of a held base the wrench [force; moment] about its origin in base axes [N, N m], then one
-    number for every moving joint [N m or N; V for a voltage servo]; then of an adaptive network the error s
-    that its weights follow [rad/s or m/s], n x 1; `command_size` x 1.
+    """The command: for a held base the wrench [force; moment] about its origin in base axes [N, N m], then
+    one number for every moving joint [N m or N; V for a voltage servo]; then for an adaptive network the
+    error s that drives its weights [rad/s or m/s], n x 1; `command_size` x 1.
 
     Args:
         robot: the description; joints without an actuator get no torque from `drive`.
         motion: state; its accelerations are not used.
-        goal: what the controller follows.
-        inertial: the numbers the controller believes in, shape (P,).
+        goal: reference of the controller.
+        inertial: inertial parameters of the controller's model, shape (P,).
     """
     controller = robot.controller
     if isinstance(controller, JointPD):
@@ -109,7 +109,7 @@ def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float
 
 
 def drive(robot: Robot, commanded: ca.SX, velocity: ca.SX) -> ca.SX:
-    """Torque of the drives behind their gears made of the command, limited, n x 1 [N m or N].
+    """Limited torque of the drives behind their gears, from the command, n x 1 [N m or N].
 
     A command is torques on the joints, or the drives' voltages; `velocity` is that of the drives.
 

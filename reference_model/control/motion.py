@@ -78,10 +78,11 @@ def _spline(item: Table, time: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
 
 
 def _piecewise(spline: BSpline, time: ca.MX) -> ca.MX:
-    """`spline` at `time`, an expression that can be differentiated by time.
+    """`spline` at `time`, an expression that can be differentiated with respect to time.
 
-    CasADi differentiates a B-spline of degree 1 into one of degree 0. Evaluated at a knot, that one writes in
-    front of its memory (CasADi 3.8.2, `casadi_nd_boor_eval`), so degrees 1 and 0 are expressed otherwise.
+    CasADi differentiates a B-spline of degree 1 into one of degree 0. Evaluated at a knot, that one writes
+    before the start of its memory (CasADi 3.8.2, `casadi_nd_boor_eval`), so degrees 1 and 0 are expressed
+    differently.
     """
     knots = np.unique(spline.t)
     if spline.k == 0:

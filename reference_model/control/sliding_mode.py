@@ -1,4 +1,4 @@
-"""Accelerations that a sliding mode controller wants; see `robot_model.SlidingMode`."""
+"""Desired accelerations of a sliding mode controller; see `robot_model.SlidingMode`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Momentum, energy, and the loads a joint's bearing carries."""
+"""Momentum, energy, and the bearing loads of joints."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ __all__ = [
     "structural_loss",
 ]
 
-#: Forces and moments are rounded off at zero over this size [N, N m], so that their magnitudes keep a
-#: derivative where a load vanishes (a planar robot's bending moment is zero at all times). All magnitudes
-#: beyond it are this much too small; it is the size of the rounding of loads of some kN.
+#: Magnitudes of forces and moments are smoothed at zero over this value [N, N m], so that they have a
+#: derivative where a load vanishes (a planar robot's bending moment is zero at all times). All larger
+#: magnitudes are this much too small, which is the rounding error of loads of some kN.
 LOAD_FLOOR = 1e-12
 
-#: What `bearing_load` gives, in order.
+#: Rows of `bearing_load`, in order.
 LOADS = ("radial_force", "axial_force", "bending_moment", "radial_sum")
 
 
@@ -74,25 +74,25 @@ def potential_energy(mechanism: Mechanism) -> ca.SX:
 
 
 def elastic_energy(mechanism: Mechanism) -> ca.SX:
-    """sum 1/2 x_i^T K_i x_i of the flexible bodies, and what springs outside the bodies store [J]."""
+    """sum 1/2 x_i^T K_i x_i of the flexible bodies, plus the energy of springs outside the bodies [J]."""
     return sum((body.elastic for body in mechanism.masses.values()), start=mechanism.outside.stored)
 
 
 def structural_loss(mechanism: Mechanism) -> ca.SX:
-    """sum xd_i^T C_i xd_i, the power that damping of the deformation takes [W]."""
+    """sum xd_i^T C_i xd_i, the power dissipated by damping of the deformation [W]."""
     return sum((body.loss for body in mechanism.masses.values()), start=ca.SX(1, 1))
 
 
 def bearing_load(kind: str, axis: ca.SX, wrench: ca.SX, bearing: Bearing) -> ca.SX:
-    """What the bearing of a joint carries: the rows of `LOADS`, 4 x 1 [N, N, N m, N].
+    """Load of a joint's bearing: the rows of `LOADS`, 4 x 1 [N, N, N m, N].
 
-    Of a revolute joint: F_r = |F - (F.H) H|, F_a = |F.H| and N_b = |N - (N.H) H|, H the axis, moments about
-    the joint frame's origin, where the middle of the bearings is. The guide of a prismatic joint carries no
-    force along its axis (the drive does) but the whole moment: |F - (F.H) H|, 0 and |N|.
+    For a revolute joint: F_r = |F - (F.H) H|, F_a = |F.H| and N_b = |N - (N.H) H|, H the axis, moments about
+    the joint frame's origin, which is the middle of the bearings. The guide of a prismatic joint carries no
+    force along its axis (the drive does) but the entire moment: |F - (F.H) H|, 0 and |N|.
 
-    The radial sum is what the radial arm multiplies: F_r + N_b/R_b, or with a span b the sum of the forces
-    of two bearings, |F_r/2 + (H x N)/b| + |F_r/2 - (H x N)/b| as vectors. Of a guide with a span the moment
-    about its axis, which no pair of forces on the axis can carry, counts with R_b.
+    The radial sum is the factor of the radial arm: F_r + N_b/R_b, or with a span b the sum of the forces of
+    two bearings, |F_r/2 + (H x N)/b| + |F_r/2 - (H x N)/b| as vectors. For a guide with a span the moment
+    about its axis, which no pair of forces on the axis can carry, enters with R_b.
     """
     force, moment = wrench[:3], wrench[3:6]
     along, about = ca.dot(force, axis), ca.dot(moment, axis)

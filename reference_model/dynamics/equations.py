@@ -7,9 +7,9 @@ the base, so inverse dynamics and articulated-body forward dynamics (Featherston
 Algorithms, 2008, ch. 5-7) cost O(n).
 
 The force column of a flexible body has rows for its modal coordinates below the wrench; its own coordinates
-are those of its joint and the modal ones together. Nothing else sets it apart here.
+are those of its joint and the modal ones. Otherwise it is treated like a rigid body.
 
-Generalised vectors are ordered as `tree.Tree` says; of a free base they hold ``[force; moment]`` or
+Generalised vectors are ordered as in `tree.Tree`; for a free base they hold ``[force; moment]`` or
 ``[linear; angular]`` at the base frame's origin in base axes.
 """
 
@@ -41,16 +41,16 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A tree in a given state with given masses: what every algorithm below needs.
+    """A tree in a given state with given masses: the input of every algorithm below.
 
     Attributes:
         tree: constants of the recursion.
         states: result of `tree.recursion`.
         masses: by index of the body; a fixed base has none.
-        rotors: their mass matrix on the joint coordinates [kg m^2 or kg], n x n; diagonal but for motors that
-            move several joints.
+        rotors: their mass matrix on the joint coordinates [kg m^2 or kg], n x n; diagonal unless motors move
+            several joints.
         gravity: inertial axes [m/s^2], 3 x 1.
-        outside: what the surroundings and devices on board do to the bodies.
+        outside: forces of the surroundings and devices on board on the bodies.
     """
 
     tree: Tree
@@ -61,7 +61,7 @@ class Mechanism:
     outside: Outside = field(default_factory=Outside)
 
     def own(self, index: int, generalised_vector: ca.SX) -> ca.SX:
-        """The rows of a generalised vector that belong to one body's own coordinates."""
+        """The rows of a generalised vector for one body's own coordinates."""
         return rows_of(generalised_vector, self.tree.own(index))
 
     @property
@@ -126,8 +126,8 @@ def wrenches(
 
     Newton-Euler from the tips to the base: w_i = M_i vd_i - f_i, and the force at a body is its own w_i
     plus those of all bodies outboard, carried inwards by T^T. Its first six rows are the wrench
-    [force; moment], the others the forces on the modal coordinates that the motion needs. Entry 0 is the
-    external wrench that the base needs.
+    [force; moment], the others the forces on the modal coordinates required by the motion. Entry 0 is the
+    external wrench required at the base.
     """
     moved = accelerations(mechanism, acceleration, base_acceleration, inner)
     total = [
@@ -145,7 +145,7 @@ def joint_wrench(mechanism: Mechanism, index: int, total: ca.SX) -> ca.SX:
 
 
 def generalised(mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: ca.SX) -> ca.SX:
-    """Inverse dynamics from the wrenches: U_i^T w_i plus the rotors' share, rows as in the module's head."""
+    """Inverse dynamics from the wrenches: U_i^T w_i plus rotor inertia, rows as in the module docstring."""
     tree = mechanism.tree
     result = ca.SX(tree.rows, 1)
     if tree.free_base:
@@ -189,7 +189,7 @@ def mass_matrix(mechanism: Mechanism) -> ca.SX:
 def solve_spd(matrix: ca.SX, right: ca.SX) -> ca.SX:
     """Solution of a symmetric positive definite system, by a division or by L D L^T.
 
-    The factors keep the zeros of the matrix: modal coordinates meet each other in a diagonal.
+    The factors keep the zeros of the matrix: the modal block is diagonal.
     """
     if matrix.shape == (1, 1):
         return right / matrix
@@ -202,7 +202,7 @@ def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.S
 
     Args:
         mechanism: tree, state and masses.
-        force: generalised forces, rows as in the module's head.
+        force: generalised forces, rows as in the module docstring.
         base_acceleration: of a base that is not free, 6 x 1; ignored for a free base.
 
     Returns:
@@ -239,7 +239,7 @@ def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.S
 
 
 def _by_elimination(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.SX) -> ca.SX:
-    """`forward_dynamics` from the whole mass matrix: a rotor on several joints belongs to no one body."""
+    """`forward_dynamics` from the full mass matrix: a rotor on several joints belongs to no single body."""
     tree = mechanism.tree
     count, base = len(tree.joints), ca.SX(6, 1) if tree.free_base else base_acceleration
     resting = ca.SX(count, 1)
@@ -250,12 +250,12 @@ def _by_elimination(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.SX
 
 @dataclass(frozen=True)
 class _Hinge:
-    """A body's own coordinates in front of all that is outboard; D = U^T I U plus rotors, I articulated.
+    """A body's own coordinates with all outboard bodies; D = U^T I U plus rotors, I articulated.
 
     Attributes:
         lever: I U.
         response: D^-1 (I U)^T, how they follow the acceleration of the body.
-        alone: D^-1 (f - U^T p), their acceleration when the body's column does not accelerate.
+        alone: D^-1 (f - U^T p), their acceleration at zero acceleration of the body's column.
     """
 
     lever: ca.SX

@@ -1,11 +1,11 @@
-"""Mass properties as one vector of numbers in which inverse dynamics is linear.
+"""Mass properties as one vector of parameters in which inverse dynamics is linear.
 
-Per body ten numbers: mass [kg], first moment mass x centre of mass [kg m] and inertia about the frame's
+Per body ten parameters: mass [kg], first moment mass x centre of mass [kg m] and inertia about the frame's
 origin [kg m^2], all in the body's frame (the barycentric form of Gautier, Khalil, ICRA 1990); then the
 reflected rotor inertia of each drive, gear_ratio^2 x rotor_inertia [kg m^2 or kg], named after its joint or,
 in a transmission, after its motor; then gravity [m/s^2]. For constant gravity the joint torques are linear in
-all the others, and for constant masses linear in gravity. The ten numbers of a flexible link are those of its
-rigid hub, fixed in the link's frame; what deforms is constant.
+all the others, and for constant masses linear in gravity. The ten parameters of a flexible link are those of
+its rigid hub, fixed in the link's frame; the deformable part is constant.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class BodyMass:
             columns of M.
         force: f_w + f_u: centrifugal and Coriolis forces, elastic forces and damping, (6 + s) x 1.
         elastic: energy of deformation [J].
-        loss: xd^T C xd, the power that damping of the deformation takes [W].
+        loss: xd^T C xd, the power dissipated by damping of the deformation [W].
     """
 
     matrix: ca.SX
@@ -66,18 +66,18 @@ class BodyMass:
     loss: ca.SX
 
     def plus(self, factor: ca.SX, other: BodyMass) -> BodyMass:
-        """With `factor` times another one added."""
+        """The sum with `factor` times another one."""
         return BodyMass(*(a + factor * b for a, b in zip(vars(self).values(), vars(other).values())))
 
 
 def body_names(robot: Robot) -> tuple[str, ...]:
-    """Bodies whose mass matters, in the order of the numbers: a free base first, then links in file order."""
+    """Bodies with inertial parameters, in their order: a free base first, then links in file order."""
     base = ("base",) if robot.base.kind == "free" else ()
     return (*base, *(link.name for link in robot.links))
 
 
 def inertial_names(robot: Robot) -> tuple[str, ...]:
-    """Names of all the numbers, P of them."""
+    """Names of all P parameters."""
     return (
         *(f"{body}.{number}" for body in body_names(robot) for number in BODY_NUMBERS),
         *(f"{drive.name}.reflected_inertia" for drive in robot.drives),
@@ -86,7 +86,7 @@ def inertial_names(robot: Robot) -> tuple[str, ...]:
 
 
 def ten_numbers(body: Inertial) -> NDArray[np.float64]:
-    """The ten numbers of a body given by mass, centre of mass and central inertia, shape (10,)."""
+    """The ten parameters of a body from mass, centre of mass and central inertia, shape (10,)."""
     c = np.asarray(body.center_of_mass)
     origin = body.inertia_matrix + body.mass * (c @ c * np.eye(3) - np.outer(c, c))  # Steiner
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -94,7 +94,7 @@ def ten_numbers(body: Inertial) -> NDArray[np.float64]:
 
 
 def nominal_inertial(robot: Robot) -> NDArray[np.float64]:
-    """The description's values of all the numbers, shape (P,)."""
+    """The description's values of all parameters, shape (P,)."""
     bodies = [robot.base if name == "base" else robot.link(name) for name in body_names(robot)]
     reflected = [drive.reflected_inertia for drive in robot.drives]
     return np.concatenate([*(ten_numbers(body) for body in bodies), reflected, robot.gravity])
@@ -103,14 +103,14 @@ def nominal_inertial(robot: Robot) -> NDArray[np.float64]:
 def masses(
     robot: Robot, tree: Tree, states: Sequence[BodyState], inertial: ca.SX
 ) -> tuple[Mapping[int, BodyMass], ca.SX, ca.SX]:
-    """The numbers as matrices.
+    """The parameters as matrices.
 
     Args:
-        robot: the description, for the order of the numbers.
+        robot: the description, for the order of the parameters.
         tree: of the same robot.
         states: result of `tree.recursion`.
-        inertial: all numbers, P x 1; may be constants. Those of beams, where the tree has them, come before
-            gravity.
+        inertial: all parameters, P x 1; may be constants. Those of beams, where the tree has them, come
+            before gravity.
 
     Returns:
         Mass of each body by its index in the tree (a fixed base has none), mass matrix of the rotors on the

@@ -1,4 +1,4 @@
-"""One step of the recursion, taken apart: node of the inboard body, joint, root of the outboard body.
+"""One step of the recursion in three parts: node of the inboard body, joint, root of the outboard body.
 
 Each step maps the velocity column [rd; omega] of one frame to that of the next, ``v' = X v + h w + b`` at
 acceleration level, w the rates of the step's own coordinates. A step is exact: its position, velocity and
@@ -43,15 +43,14 @@ class Step:
 
 @dataclass(frozen=True)
 class Node:
-    """Where a node of a flexible body is, and how it moves with the modal coordinates.
+    """Position of a node of a flexible body, and its motion with the modal coordinates.
 
     Attributes:
         place: rho, from the frame's origin in the body's axes [m], 3 x 1.
         rotation: node to body axes, 3 x 3.
         slide: d rho / dx, 3 x s.
         turn: angular velocity of the node in the body per unit of modal rate, body axes, 3 x s.
-        slide_rate, turn_rate: what slide and turn add to accelerations by their own change, times the modal
-            rates, 3 x 1 each.
+        slide_rate, turn_rate: time derivatives of slide and turn times the modal rates, 3 x 1 each.
     """
 
     place: ca.SX
@@ -65,8 +64,8 @@ class Node:
 def node_of(body: FlexibleBody, index: int, x: ca.SX, rate: ca.SX) -> Node:
     """A node for given modal coordinates and rates.
 
-    The displacement is Phi x, less the foreshortening 1/2 x^T B x along the axis where the beam stiffens. The
-    rotation vector Psi x is taken for twice the Rodrigues parameters: an exact rotation that agrees with
+    The displacement is Phi x, minus the foreshortening 1/2 x^T B x along the axis of a stiffening beam. The
+    rotation vector Psi x is used as twice the Rodrigues parameters: an exact rotation that agrees with
     1 + (Psi x)~ to first order (docs/theory.md (1)), with angular velocity
     ``(phid + phi x phid / 2) / (1 + phi.phi / 4)``.
     """
@@ -84,7 +83,7 @@ def node_of(body: FlexibleBody, index: int, x: ca.SX, rate: ca.SX) -> Node:
     size = 1 + ca.dot(angle, angle) / 4
     turn = ((ca.SX.eye(3) + skew(angle) / 2) / size) @ psi
     rotation = rotation_from_quaternion(ca.vertcat(1, angle / 2))
-    # d/dt of (1 + phi~/2)/size: phid x phid vanishes, the denominator's change is left
+    # d/dt of (1 + phi~/2)/size: phid x phid vanishes, the denominator's derivative remains
     turn_rate = -(ca.dot(angle, spin) / 2 / size) * (turn @ rate)
     return Node(place, rotation, slide, turn, slide_rate, turn_rate)
 
@@ -165,5 +164,5 @@ def joint_step(
 
 
 def _carried(back: ca.SX, shift: ca.SX) -> ca.SX:
-    """[A, -A rho~; 0, A]: the velocity of a frame at rho, seen in axes that A turns into, 6 x 6."""
+    """[A, -A rho~; 0, A]: the velocity of a frame at rho, in the axes into which A transforms, 6 x 6."""
     return ca.blockcat([[back, -back @ skew(shift)], [ca.SX(3, 3), back]])

@@ -1,4 +1,4 @@
-"""The minimal form of the equations of motion, ``-Z ydd + z + f = 0``, with the global matrices written out.
+"""The minimal form of the equations of motion, ``-Z ydd + z + f = 0``, with explicit global matrices.
 
 Jourdain's principle with the velocity columns of all bodies as functions of the independent coordinates,
 v = G yd and vd = G ydd + g, gives ``Z = sum G_i^T M_i G_i`` and ``z = sum G_i^T (f_i - M_i g_i)`` (Liu, Li,

@@ -1,4 +1,4 @@
-"""What the surroundings and devices on board do to the bodies, gathered for one state."""
+"""Forces of the surroundings and of devices on board on the bodies, collected for one state."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ __all__ = ["Outside"]
 
 @dataclass(frozen=True)
 class Outside:
-    """Forces on bodies that no joint makes, and what goes with them, by index of the body in the tree.
+    """Forces on bodies other than joint forces, with energy and states, by index of the body in the tree.
 
     Attributes:
         columns: generalised force on each body, rows as its velocity column, (6 + s) x 1.
-        spins: angular momentum that a body carries besides its own motion, in its axes [N m s], 3 x 1.
+        spins: angular momentum on board a body in addition to its own, in its axes [N m s], 3 x 1.
         stored: energy stored outside the bodies [J].
         rates: time derivative of the states.
-        power: that the forces give to the bodies and to what is stored [W].
+        power: delivered by the forces to the bodies and to the stored energy [W].
     """
 
     columns: Mapping[int, ca.SX] = field(default_factory=dict)

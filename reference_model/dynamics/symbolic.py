@@ -66,9 +66,9 @@ class SymbolicRobot:
     Args:
         robot: the description.
         motion: expressions or constants.
-        inertial: the numbers of `inertial_names`, P x 1, symbols or constants.
+        inertial: the parameters of `inertial_names`, P x 1, symbols or constants.
         tree: of the robot, where its flexible links have other constants than the description's.
-        outside: from the mechanism in its state to what pushes on its bodies.
+        outside: function from the mechanism in its state to the outer forces on its bodies.
 
     All results are lazily built expressions with the rows of `reference_model.dynamics.equations`.
     """
@@ -103,7 +103,7 @@ class SymbolicRobot:
 
     @classmethod
     def still_base(cls, robot: Robot) -> dict[str, ca.SX]:
-        """The base entries of `Motion` for a base that rests where the description puts it, as constants."""
+        """The base entries of `Motion` for a base at rest at its described pose, as constants."""
         return {
             "attitude": ca.sparsify(ca.SX(quaternion_from_rpy(robot.base.rpy))),
             "base_velocity": ca.SX(6, 1),
@@ -121,7 +121,7 @@ class SymbolicRobot:
 
     @cached_property
     def inverse_dynamics(self) -> ca.SX:
-        """Generalised force that the motion needs, rows x 1."""
+        """Generalised force required by the motion, rows x 1."""
         return generalised(self.mechanism, self.wrenches, self.motion.acceleration)
 
     @cached_property
@@ -142,7 +142,7 @@ class SymbolicRobot:
         return solve_spd(self.mass_matrix[:6, :6], -self.inverse_dynamics[:6])
 
     def node(self, body: int, node: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """How a node of a flexible body moves.
+        """Motion of a node of a flexible body.
 
         Args:
             body: its index in `tree.bodies`.

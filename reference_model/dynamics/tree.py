@@ -40,10 +40,10 @@ class Body:
         origin: of the joint frame in the parent's frame [m], shape (3,).
         axis: unit joint axis in the joint's (and the body's) axes, shape (3,).
         ball: which of the spherical joints the inboard joint is; -1 where it is none.
-        flexible: constants of a body that deforms, its rigid hub left out.
+        flexible: constants of a deformable body, without its rigid hub.
         modal: first of its modal coordinates among all.
         node: node of a flexible parent on which the joint sits; -1 on a rigid parent.
-        numbers: of a beam, which are among the inertial numbers.
+        numbers: parameters of a beam, which are among the inertial ones.
     """
 
     name: str
@@ -100,12 +100,12 @@ class Tree:
 
     @property
     def beam_names(self) -> tuple[str, ...]:
-        """Names of the numbers of beams among the inertial ones, `LINK.NUMBER`."""
+        """Names of beam parameters among the inertial ones, `LINK.NUMBER`."""
         return tuple(f"{body.name}.{number.name}" for body in self.bodies for number in body.numbers)
 
     @property
     def beam_values(self) -> tuple[float, ...]:
-        """Their values by the description."""
+        """Their values in the description."""
         return tuple(number.value for body in self.bodies for number in body.numbers)
 
     @property
@@ -119,7 +119,7 @@ class Tree:
         return self.offset + len(self.joints) + self.inner
 
     def elasticity(self, beams: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Stiffness and damping of the modal coordinates with these numbers of beams, shape (s, s) each."""
+        """Stiffness and damping of the modal coordinates for these beam parameters, shape (s, s) each."""
         stiffness, damping = np.zeros((2, self.modal, self.modal))
         at = 0
         for body in self.bodies:
@@ -151,7 +151,7 @@ class Tree:
 
 @dataclass(frozen=True)
 class State:
-    """Where the robot is and how fast it moves, as expressions.
+    """Position and velocity of the robot, as expressions.
 
     Attributes:
         position, velocity: of the one-coordinate joints [rad or m, rad/s or m/s], n x 1.
@@ -226,7 +226,7 @@ def tree_of(robot: Robot, bodies: Mapping[str, FlexibleBody] | None = None, *, b
     Args:
         robot: the description.
         bodies: replaces the constants of its flexible links, by name, in file order.
-        beams: whether the numbers of beams are among the inertial ones.
+        beams: whether beam parameters are among the inertial ones.
 
     Raises:
         InputError: a flexible link has no usable modes, or a joint sits at none of its nodes.

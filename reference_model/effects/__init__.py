@@ -1,1 +1,1 @@
-"""Effects: each left-out phenomenon in a file of its own. See `base` for the interface."""
+"""Effects: one file for each phenomenon that a model may lack. See `base` for the interface."""

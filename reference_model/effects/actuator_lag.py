@@ -32,9 +32,9 @@ class ActuatorLag(JointEffect):
         "Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control (2009), ch. 5 "
         "(electric drives: windings and current loops respond with L/R or the loop's bandwidth)"
     )
-    signature = "a residual in proportion to the rate of the torque, with the phase of a low-pass filter"
+    signature = "a residual proportional to the rate of the torque, with the phase of a low-pass filter"
     confused_with = ("sensor_delay", "viscous_friction", "joint_elasticity", "torque_saturation")
-    experiment = "phase against frequency in a sweep: a delay's is a straight line, a lag's an arc tangent"
+    experiment = "phase against frequency in a sweep: a straight line for a delay, an arc tangent for a lag"
     states = 1
     uses_torque = True
     replaces_delay = True

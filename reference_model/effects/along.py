@@ -1,8 +1,8 @@
-"""Effects evaluated along a known motion, with exact derivatives by their parameters.
+"""Effects evaluated along a known motion, with exact derivatives with respect to their parameters.
 
 A joint effect without states is a formula of the signals at each sample. States of an effect (the bristles of
 LuGre, the delivered torque of a lag) are integrated along the samples, together with their sensitivities;
-signals run linearly between samples, and an interval is divided where the step's error asks for it.
+signals are linear between samples, and an interval is subdivided where the step's error requires it.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ __all__ = ["EffectAlong", "GearAlong", "SensorAlong"]
 
 Array = NDArray[np.float64]
 
-#: Error that one interval between samples may add to the torque, as a share of its largest value. A tenth
-#: of what torque sensors resolve; a bristle forgets its errors as it slides.
+#: Error that one interval between samples may add to the torque, relative to its largest value. A tenth
+#: of the resolution of torque sensors; errors of a bristle decay as it slides.
 TOLERANCE = 1e-4
 #: Every how many samples the torque is looked at for that largest value.
 SCALED = 8
@@ -40,8 +40,8 @@ class EffectAlong:
         gear_ratio: motor turns per joint turn.
         bearing_arms: radial and axial arm [m].
         transition: speed over which discontinuous laws are smoothed [rad/s or m/s].
-        directed: signals have the direction of motion, -1 to 1, behind them, and laws take it from there; for
-            effects without states.
+        directed: signals have the direction of motion, -1 to 1, as an additional last column, which laws use
+            as the sign of the velocity; for effects without states.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class EffectAlong:
 
     @property
     def channels(self) -> frozenset[str]:
-        """Those of `JointSignals.CHANNELS` on which the contribution depends."""
+        """Members of `JointSignals.CHANNELS` on which the contribution depends."""
         return self._formulas.channels
 
     def torque(
@@ -69,7 +69,7 @@ class EffectAlong:
         """Generalised force on the joint [N m or N], shape (N,).
 
         Args:
-            signals: rows in the order of `JointSignals.CHANNELS`, time rising, shape (N, 11).
+            signals: columns in the order of `JointSignals.CHANNELS`, time increasing, shape (N, 11).
             parameters: a value for every parameter of the effect that has no default.
             transition: in place of that of the constructor.
         """
@@ -88,7 +88,7 @@ class EffectAlong:
         *,
         transition: float | None = None,
     ) -> Array:
-        """Derivative of `torque` by the estimated parameters `names`, shape (N, len(names))."""
+        """Derivative of `torque` with respect to the estimated parameters `names`, shape (N, len(names))."""
         return self.evaluate(signals, parameters, names, transition=transition)[1]
 
     def evaluate(
@@ -123,14 +123,14 @@ class EffectAlong:
         return np.asarray(self._formulas.first(rows[0], constants)).ravel()
 
     def _accurate(self, chain: Scan, first: Array, signals: Array, constants: Array) -> Array:
-        """States, and what the chain has beside them, at the samples, divided where a step asks for it."""
+        """States and further columns of the chain at the samples, with intervals subdivided as needed."""
         found = chain(first, signals, constants)
         states = found[:, : self.effect.states]
         some = slice(None, None, SCALED)
         scale = float(np.max(np.abs(self._formulas.torque(signals[some], constants, states[some])[0])))
         ends = signals[:-1], signals[1:], constants, states[:-1], states[1:]
         errors = self._formulas.error(*ends)[0][:, 0]
-        # A method of second order: dividing an interval by m divides what it adds by m^2.
+        # A method of second order: dividing an interval by m divides its error by m^2.
         wanted = np.sqrt(np.abs(errors) / max(TOLERANCE * scale, 1e-300))
         steps = np.ceil(np.clip(np.nan_to_num(wanted), 1, MOST_STEPS)).astype(int)
         if not (steps > 1).any():
@@ -175,7 +175,7 @@ class SensorAlong:
         parameters: Mapping[str, float],
         names: Sequence[str],
     ) -> Array:
-        """Derivative of `error` by the estimated parameters `names`, shape (N, len(names))."""
+        """Derivative of `error` with respect to the estimated parameters `names`, shape (N, len(names))."""
         columns = [self._free.index(name) for name in names]
         if self._jacobian is None:
             return np.zeros((len(time), 0))
@@ -198,14 +198,14 @@ def _gear_formulas(effect: YieldingGear) -> Batched:
 
 
 class GearAlong:
-    """The twist of a gear that yields, along the torque that it transmits."""
+    """The twist of a compliant gear, along the torque that it transmits."""
 
     def __init__(self, effect: YieldingGear) -> None:
         self.effect = effect
         self._twist = _gear_formulas(effect)
 
     def evaluate(self, torque: Array, rate: Array, parameters: Mapping[str, float]) -> Array:
-        """Twist [rad or m], then its derivatives by the estimated parameters, shape (N, 1 + P).
+        """Twist [rad or m] and its derivatives with respect to estimated parameters, shape (N, 1 + P).
 
         Args:
             torque, rate: transmitted torque [N m or N] and its rate, shape (N,).

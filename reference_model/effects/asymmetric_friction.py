@@ -1,4 +1,4 @@
-"""Asymmetric friction: what friction differs by between the two directions."""
+"""Asymmetric friction: the difference of friction between the two directions."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class AsymmetricFriction(JointEffect):
     """T = -(dTc |sgn qd| + dc |qd|), added to a symmetric law.
 
     |sgn v| is smoothed to tanh(v/vt)^2 and |v| to v tanh(v/vt): zero at rest, and at every speed no larger
-    than the symmetric terms tanh(v/vt) and v, so that friction as a whole dissipates whenever
+    than the symmetric terms tanh(v/vt) and v, so that total friction dissipates whenever
     |dTc| <= Tc and |dc| <= c.
     """
 
-    #: While the joint slides the constant part acts as an offset of the torque does.
+    #: While the joint slides, the constant part acts like a torque offset.
     contains: ClassVar[Mapping[str, Mapping[str, str]]] = {"torque_offset": {"torque": "coulomb_difference"}}
     id = "asymmetric_friction"
     title = "Direction-dependent friction"
@@ -29,7 +29,7 @@ class AsymmetricFriction(JointEffect):
         Parameter(
             "coulomb_difference",
             "N m",
-            "half of Coulomb friction forwards minus backwards",
+            "half the difference of Coulomb friction forwards and backwards",
             -1e5,
             1e5,
             0.5,
@@ -39,7 +39,7 @@ class AsymmetricFriction(JointEffect):
         Parameter(
             "viscous_difference",
             "N m s/rad",
-            "half of the viscous coefficient forwards minus backwards",
+            "half the difference of the viscous coefficient forwards and backwards",
             -1e5,
             1e5,
             0.1,

@@ -11,9 +11,9 @@ from reference_model.effects.gear_spring import SPRING_STATED, damper, shared_st
 
 __all__ = ["Backlash"]
 
-#: Depth of contact over which its damping sets in, as a part of the half width: at once would be a jump.
+#: Depth of contact over which its damping sets in, relative to the half width, to avoid a jump.
 SETTLING = 0.01
-#: Keeps that depth above zero without any play [rad or m].
+#: Keeps that depth above zero when there is no play [rad or m].
 SHALLOWEST = 1e-12
 #: Starting values of the half width [rad or m].
 HALF_WIDTHS = (1e-4, 1e-3)
@@ -22,8 +22,8 @@ HALF_WIDTHS = (1e-4, 1e-3)
 class Backlash(GearEffect):
     """T = K e + D dd in contact, e = d - sgn(d) w beyond the play and 0 within it; flanks never pull.
 
-    e is continuous, so that T needs no events. The damping sets in over a hundredth of the half width, and
-    where it would make the flanks pull on separation there is no torque.
+    e is continuous, so that T needs no events. The damping sets in over a hundredth of the half width; T is
+    zero where damping would make separating flanks pull.
     """
 
     id = "backlash"
@@ -44,8 +44,8 @@ class Backlash(GearEffect):
         ),
     )
     equation = (
-        "T = stiffness * e + damping * dd in contact and 0 apart, e = d - sgn(d) * min(|d|, half_width), "
-        "d = th - q and the motor as in joint_elasticity, whose spring it takes where that is present"
+        "T = stiffness * e + damping * dd in contact, else 0, e = d - sgn(d) * min(|d|, half_width), "
+        "d = th - q and the motor as in joint_elasticity, whose spring it uses where that is present"
     )
     source = (
         "Nordin and Gutman, Automatica 38 (2002) 1633-1649 (dead zone); "

@@ -1,16 +1,17 @@
-"""The interface of an effect: one left-out physical phenomenon, said once.
+"""The interface of an effect: one physical phenomenon that a model may lack, defined once.
 
-An effect is a small class in a file of its own: its equations as CasADi expressions, and everything else that
-is known of it as data. Simulator, diagnosis, catalogue page and blind challenge all read that one class.
+An effect is a small class in its own file: its equations as CasADi expressions, and all other facts about it
+as data. Simulator, diagnosis, catalogue page and blind challenge all read that one class.
 
 There are six kinds, by what they change:
 
 * `JointEffect` adds a generalised force to one joint coordinate. Friction, harness springs and everything
   that happens inside an actuator are of this kind (an actuator effect adds *delivered minus commanded*).
-* `GearEffect` lets motor and joint move apart, so that the motor becomes a coordinate of its own.
+* `GearEffect` separates motor and joint, so that the motor position becomes a coordinate.
 * `BodyEffect` changes the mass properties of a link or the gravity field.
-* `structure.StructureEffect` changes what the robot is, `body_force.ForceEffect` pushes on one of its bodies.
-* `SensorEffect` changes what a channel says, and no motion.
+* `structure.StructureEffect` changes the structure of the robot, `body_force.ForceEffect` applies a force to
+  one of its bodies.
+* `SensorEffect` changes the values of a channel, and no motion.
 
 Sign: the equation of motion of a joint is ``inverse dynamics(q, qd, qdd) = actuator torque + sum of
 JointEffect.torque``; so friction returns a negative value at positive speed.
@@ -49,18 +50,18 @@ Values = Mapping[str, "ca.SX | float"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect.
+    """One parameter of an effect.
 
     Attributes:
         name: key in a robot file and in `diagnosis.json`.
-        unit: for a revolute joint; a prismatic joint's is made from it (N m becomes N, rad becomes m).
+        unit: for a revolute joint; a prismatic joint's is derived from it (N m becomes N, rad becomes m).
         meaning: a phrase for people.
-        lower, upper: bounds of what is physically credible.
+        lower, upper: physically credible bounds.
         typical: order of magnitude; scales optimisation.
         absent: the value at which the effect has no influence, where there is one.
-        linear: the contribution is linear in this number while the non-linear ones are held.
+        linear: the contribution is linear in this parameter while the nonlinear ones are fixed.
         estimated: a diagnosis estimates it; otherwise it stays at `default` unless a robot file sets it.
-        default: value when a robot file leaves it out; None means it must be given.
+        default: value when a robot file omits it; None means it must be given.
     """
 
     name: str
@@ -110,7 +111,7 @@ class Extent:
         gear_ratio: motor turns per joint turn.
         peak_torque: largest actuator torque [N m or N].
         windows: time windows in which the residual stands out, [(start, stop)] in s.
-        orders: strongest angular orders k of the residual, seen as cos(k position) [1/rad or 1/m].
+        orders: strongest angular orders k of the residual, as in cos(k position) [1/rad or 1/m].
     """
 
     position: tuple[float, float]
@@ -131,37 +132,39 @@ class Effect(ABC):
 
     Attributes:
         id, title: the name in robot files and results, and for people.
-        place: what it sits at: a joint (its actuator included), a link, the base, or a channel.
+        place: its place: a joint, a joint's actuator, a link, the base, or a channel.
         parameters: in the order of the catalogue page.
         equation, source: one line of plain mathematics, and literature.
         signature: how it shows in a recording.
         confused_with: ids of effects that can look alike.
-        experiment: what separates it from those.
-        family: effects of one joint of which at most one may be present share a family, e.g. "dry_friction".
+        experiment: how to separate it from those.
+        family: effects at one joint that exclude each other share a family, e.g. "dry_friction".
         rung: position in the ladder of a family; the lowest that the data support is named.
-        builds_on: ids of which one must be present at the same place before this one means anything.
-        simpler: ids that can do part of the same; where one of them is supported it is named first.
-        contains: ids of what it is without its essential sizes, with their parameters' names in it.
-        needs: channels (quantities) without which it cannot be seen.
-        essential: parameters without which it means nothing; if empty, all that are absent at no value.
+        builds_on: ids; one of these effects must be present at the same place.
+        simpler: ids of effects that explain part of the same; if the data support one, it is named first.
+        contains: ids of its special cases without the essential parameters, with the names of their
+            parameters in this effect.
+        needs: channels (quantities) without which it cannot be observed.
+        essential: parameters that must be given; if empty, all parameters without an absent value.
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
-        priors: mean and standard deviation of parameters of which something is known that no recording says.
-        is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
-        standard: parameter of the standard model that it is; empty for all but a few.
+        priors: mean and standard deviation of parameters known from other sources than recordings.
+        is_event: it happens once, so that it cannot be predicted in held-out stretches of time.
+        standard: the parameter of the standard model that is identical to it; usually empty.
         is_beyond: it acts beyond a place, which a recording may reach once.
         is_unknown: it is a curve without a known law.
         along: parameters of the standard model that are functions of the same variable.
         is_friction_law: it is summed into `JointSignals.friction`.
-        is_modifier: it multiplies the friction law of its joint and means nothing without one.
-        uses_torque: it uses the actuator torque (so it is a matter of the actuator), unless only through a
+        is_modifier: it multiplies the friction law of its joint and has no effect without one.
+        uses_torque: it depends on the actuator torque (so it belongs to the actuator), unless only through a
             parameter that is not estimated and absent by default.
-        shares_torque: it takes or adds a share of the actuator's torque, which makes up for it.
-        replaces_delay: it is late as a whole, so that the joint's torque has no other delay.
-        cuts_torque: it cuts what a recorded torque commands, so that this is needed as it was recorded; other
-            effects follow as well from what the motion needs, which has no noise.
-        along_base: it follows from how a base turns, and is small: joints show it where no gyro does.
-        beam_number: parameter of a beam that it adds to (`reference_model.flexible.beam_numbers`).
-        along_link: it follows from where a point of a rigid link is: joints show it.
+        shares_torque: it takes or adds a fraction of the actuator's torque, which compensates for it.
+        replaces_delay: it delays the torque, so that the joint's torque has no separate delay.
+        cuts_torque: it clips the commanded torque, so that it needs the recorded torque; other effects can
+            use the torque that the motion requires instead, which has no noise.
+        along_base: its force follows from the rotation of the base, and is small: torques are searched only
+            without gyro.
+        along_link: its force follows from the position of a point of a rigid link: torques show it.
+        beam_number: beam parameter that its parameter adds to (`reference_model.flexible.beam_numbers`).
         along_motion: it has regressors along a recorded joint motion.
     """
 
@@ -231,11 +234,11 @@ class Effect(ABC):
         return {p.name: p.default for p in self.parameters if p.default is not None}
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
-        """Bounds that a recording of this extent makes narrower than the catalogue's."""
+        """Bounds narrower than the catalogue's for a recording of this extent."""
         return {}
 
     def implausible(self, values: Mapping[str, float]) -> str:
-        """Why these parameter values are no physics, though each is inside its bounds; else empty."""
+        """Why these parameter values are unphysical, though each is inside its bounds; else empty."""
         return ""
 
     def contradiction(self, values: Mapping[str, float]) -> str:
@@ -243,7 +246,7 @@ class Effect(ABC):
         return ""
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """Values of the non-linear estimated parameters to start a fit from; one empty mapping if none."""
+        """Starting values of the nonlinear estimated parameters; one empty mapping if there are none."""
         return ({},)
 
 
@@ -271,10 +274,10 @@ class JointEffect(Effect):
 
 
 class GearEffect(Effect):
-    """Takes part in what a gear transmits between a motor that moves by itself and its joint.
+    """Contributes to the torque that a gear transmits between its motor, a coordinate of its own, and joint.
 
-    The torque is a spring's and a damper's, ``elastic + viscous``, of the twist. Where the effects of a joint
-    are put together is `reference_model.plant.gears`.
+    The torque is that of a spring and a damper on the twist, ``elastic + viscous``. The effects of a joint
+    are combined in `reference_model.plant.gears`.
     """
 
     place = "joint"
@@ -282,23 +285,23 @@ class GearEffect(Effect):
     states: ClassVar[int] = 0
 
     def behind(self, s: GearSignals, p: Values) -> GearSignals:
-        """What the spring sees of the motion between motor and joint: less the play of an effect with one."""
+        """The motion between motor and joint that acts on the spring, with the play subtracted, if any."""
         return s
 
     @abstractmethod
     def elastic(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
-        """The part of the torque that a twist at rest keeps up [N m or N]; `z` has `states` rows."""
+        """The part of the torque that a constant twist maintains [N m or N]; `z` has `states` rows."""
 
     def viscous(self, s: GearSignals, p: Values) -> ca.SX:
-        """The part of the torque that comes of the rate of the twist [N m or N]."""
+        """The part of the torque due to the rate of the twist [N m or N]."""
         return ca.SX(0.0)
 
     @abstractmethod
     def stored(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
-        """Energy kept in the gear [J]."""
+        """Energy stored in the gear [J]."""
 
     def loss(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
-        """Power turned into heat [W]."""
+        """Dissipated power [W]."""
         return self.viscous(s, p) * s.rate
 
     def state_rate(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
@@ -306,7 +309,7 @@ class GearEffect(Effect):
         return ca.SX(0, 1)
 
     def first_loading(self, s: GearSignals, p: Values) -> ca.SX:
-        """`z` when the gear was brought to its twist in one go from rest without load."""
+        """`z` after the gear was brought to its twist in one direction from rest without load."""
         return ca.SX(0, 1)
 
 
@@ -315,11 +318,11 @@ class YieldingGear(GearEffect):
 
     @abstractmethod
     def twist(self, torque: ca.SX, rate: ca.SX, p: Values) -> ca.SX:
-        """Of a gear far below its resonance, to first order in its damping [rad or m].
+        """Twist of the gear far below its resonance, to first order in its damping [rad or m].
 
         Args:
-            torque: that is transmitted [N m or N].
-            rate: of it [N m/s or N/s].
+            torque: transmitted torque [N m or N].
+            rate: its rate [N m/s or N/s].
             p: parameters.
         """
 
@@ -329,14 +332,14 @@ class BodyEffect(Effect):
 
     @abstractmethod
     def terms(self, p: Values) -> BodyTerms:
-        """What is added, in the link's frame."""
+        """Additions to the mass properties, in the link's frame."""
 
 
 class SensorEffect(Effect):
-    """Changes what a channel says.
+    """Changes the values of a channel.
 
     Attributes:
-        searched_in: quantities in whose channels a diagnosis searches for it.
+        searched_in: quantities whose channels a diagnosis searches for it.
     """
 
     place = "sensor"
@@ -350,4 +353,4 @@ class SensorEffect(Effect):
     def apply(
         self, time: NDArray[np.float64], values: NDArray[np.float64], p: Mapping[str, float]
     ) -> NDArray[np.float64]:
-        """What the faulty sensor would have recorded of `values` sampled at `time`, without approximation."""
+        """Recording of the faulty sensor, given true `values` sampled at `time`, without approximation."""

@@ -1,4 +1,4 @@
-"""Base motion: a base that is described as fixed gives way."""
+"""Base motion: a base described as fixed is compliant."""
 
 from __future__ import annotations
 
@@ -21,26 +21,30 @@ COMPLIANCES = (1e-6, 1e-4, 1e-1)
 
 
 class BaseMotion(StructureEffect, ForceEffect):
-    """The base moves against springs between it and the ground, alike in all directions, with damping.
+    """The base moves on springs to the ground, equal in all directions, with damping.
 
-    At the start it is where the description puts it, and the mount carries what rests on it there. With a
-    large compliance it floats. What the mount carries besides the described base is `mass` and `inertia`,
-    about the base frame's origin. Where the base of the description floats already, its mass properties are
-    an `inertia` effect at `base`.
+    It starts at the described pose, where the mount is in static equilibrium. With a large compliance it
+    floats. `mass` and `inertia`, about the base frame's origin, are the mount's load in addition to the
+    described base. If the described base floats already, errors of its mass properties are an `inertia`
+    effect at `base`.
     """
 
     id = "base_motion"
     title = "Compliant base"
     place = "base"
     parameters = (
-        Parameter("compliance", "m/N", "displacement of the base per force", 0.0, 1e9, 1e-5, absent=0.0),
+        Parameter("compliance", "m/N", "displacement of the base per unit force", 0.0, 1e9, 1e-5, absent=0.0),
         Parameter("arm", "m", "turning stiffness is arm^2 / compliance", 1e-3, 100.0, 0.5, default=0.5),
+        Parameter("damping", "s", "relaxation time of an unloaded spring", 0.0, 10.0, 1e-3, default=1e-3),
+        Parameter("mass", "kg", "moving mass in addition to the described base", 0.0, 1e7, 50.0, default=0.0),
         Parameter(
-            "damping", "s", "time in which an unloaded spring would creep back", 0.0, 10.0, 1e-3, default=1e-3
-        ),
-        Parameter("mass", "kg", "that moves besides the described base", 0.0, 1e7, 50.0, default=0.0),
-        Parameter(
-            "inertia", "kg m^2", "of that about each axis of the base's frame", 0.0, 1e8, 10.0, default=0.0
+            "inertia",
+            "kg m^2",
+            "its moment of inertia about each axis of the base's frame",
+            0.0,
+            1e8,
+            10.0,
+            default=0.0,
         ),
     )
     equation = (
@@ -49,13 +53,11 @@ class BaseMotion(StructureEffect, ForceEffect):
     )
     source = "Dubowsky and Papadopoulos, IEEE Trans. Robotics and Automation 9 (1993) 531-543"
     signature = (
-        "inertia at the joints that is too small, the more the faster they accelerate, and an oscillation "
-        "that rate sensors on the base show at the same frequency in all poses"
+        "inertia at the joints that appears too small, more so at fast accelerations, and an oscillation "
+        "in rate sensors on the base with the same frequency in all poses"
     )
     confused_with = ("inertia", "link_flexibility", "joint_elasticity", "slosh", "reaction_wheel")
-    experiment = (
-        "put a rate sensor on the base; bolt it to something stiffer, or knock on it with joints braked"
-    )
+    experiment = "put a rate sensor on the base; bolt it to something stiffer, or tap it with joints braked"
     carries_start = True
     essential = ("compliance",)
 
@@ -64,7 +66,7 @@ class BaseMotion(StructureEffect, ForceEffect):
             return robot
         if robot.base.kind == "free":
             raise InputError(
-                "the base is free already; what it weighs is changed by the effect 'inertia' at 'base'."
+                "the base is free already; its mass properties are changed by the effect 'inertia' at 'base'."
             )
         given = {**robot.base.model_dump(), "kind": "free", **_joined(robot.base, p["mass"], p["inertia"])}
         try:
@@ -104,19 +106,19 @@ class BaseMotion(StructureEffect, ForceEffect):
 
 
 def _relative(s: BodySignals) -> ca.SX:
-    """Present axes in those of the start."""
+    """Rotation of the present axes relative to the initial ones."""
     return constant(s.home_rotation).T @ s.rotation
 
 
 def _displacement(s: BodySignals) -> tuple[ca.SX, ca.SX]:
-    """Displacement, and sin(angle) times the axis of the turn, since the start, both in present axes."""
+    """Displacement, and sin(angle) times the rotation axis, since the start, both in present axes."""
     relative = _relative(s)
     odd = (relative - relative.T) / 2
     return s.rotation.T @ (s.position - constant(s.home)), ca.vertcat(odd[2, 1], odd[0, 2], odd[1, 0])
 
 
 def _joined(base: Base, mass: float, inertia: float) -> dict[str, object]:
-    """Mass properties of the base and what moves with it."""
+    """Mass properties of the base and of the mass that moves with it."""
     whole = base.mass + mass
     if not whole:
         return {}

@@ -1,4 +1,4 @@
-"""A rigid link as a beam: how its mass is parted into what bends and what does not."""
+"""A rigid link as a beam: its mass is divided into a bending and a rigid part."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ __all__ = ["bending_link", "carried_mass", "tip_of"]
 
 Array = NDArray[np.float64]
 
-#: Finite elements of the beam: the first two frequencies in a plane are then right to 0.2 %.
+#: Finite elements of the beam: the first two frequencies in a plane are then accurate to 0.2 %.
 ELEMENTS = 12
 
-#: Young's modulus [Pa], that of aluminium. Only its product with the section's figures matters.
+#: Young's modulus [Pa], that of aluminium. Only its product with the section properties matters.
 YOUNG = 70e9
 
 #: Young's modulus over shear modulus at a Poisson's ratio of 0.3.
 TO_SHEAR = 2.6
 
 #: Largest and smallest radius of gyration of the section over the length. The first is so slender that
-#: stretching and twisting are over 25 times faster than bending; a link thinner than the second is none.
+#: stretching and twisting are over 25 times faster than bending; no real link is thinner than the second.
 GYRATION = (1e-3, 1e-2)
 
-#: The section's radius of gyration as a part of the link's own across its thinnest direction, so that its
+#: The section's radius of gyration relative to the link's own across its thinnest direction, so that its
 #: inertia about the axis does not limit the beam's mass.
 THIN = 0.5
 
-#: Part of a uniform beam's mass that moves with its tip when it bends as under a force there (Rayleigh).
+#: Fraction of a uniform beam's mass that moves with its tip when a tip force bends it (Rayleigh).
 TIP_SHARE = 33 / 140
 
-#: Part of the mass that could bend which does: the rest keeps the hub a proper body.
+#: Fraction of the available mass assigned to the beam: the rest keeps the hub a realisable body.
 BENDS = 0.99
 
-#: Below this part of the link's mass nothing is left that could bend.
+#: Below this fraction of the link's mass the beam is considered absent.
 LEAST = 1e-3
 
 
 def tip_of(robot: Robot, link: Link) -> Array:
-    """Where the beam ends in the link's frame: the outermost joint it carries, else twice its centre."""
+    """End of the beam in the link's frame: the outermost joint it carries, else twice its mass centre."""
     carried = [np.asarray(joint.origin, dtype=float) for joint in _children(robot, link.name)]
     tip = max(carried, key=lambda place: float(np.linalg.norm(place)), default=np.zeros(3))
     if not tip.any():
@@ -71,21 +71,21 @@ def _children(robot: Robot, body: str) -> list[Joint]:
 
 
 def bending_link(robot: Robot, link: Link, *, period: float, damping_ratio: float, modes: int) -> Link:
-    """The link as a beam with a hub and a tip body that together weigh as it does.
+    """The link as a beam with a hub and a tip body of the same total mass.
 
-    As much as possible of the link's mass is a uniform beam from its frame to the tip, then a point at the
-    tip; what is left is the hub. Mass, centre of mass and inertia of the undeformed link are kept.
+    As much as possible of the link's mass is a uniform beam from its frame to the tip, then a point mass at
+    the tip; the rest is the hub. Mass, centre of mass and inertia of the undeformed link are kept.
 
     Args:
         robot: the description.
-        link: a rigid one of it.
+        link: a rigid link of it.
         period: of its first bending mode, clamped at its frame, with all that it carries as a point mass at
             its tip, by Rayleigh's formula [s].
         damping_ratio: of all modes.
-        modes: how many.
+        modes: number of modes.
 
     Raises:
-        InputError: the link bends already, or none of its mass can.
+        InputError: the link is flexible already, or none of its mass can bend.
     """
     if link.flexible:
         raise InputError(f"link '{link.name}' is flexible already; change its description, or its damping.")
@@ -113,7 +113,7 @@ class _Share:
 
     @classmethod
     def of(cls, link: Link, whole: Array, end: Array, gyration: float) -> _Share:
-        """The largest beam, then the largest tip body, that leave a hub which a body can be."""
+        """The largest beam, then the largest tip body, for which the hub stays realisable."""
         trial = _beam(end, 1.0, gyration, mass=1.0, tip=0.0, modes=1, damping_ratio=0.0)
         unit = flexible_body(Link(name=link.name, beam=trial))
         rod = _pseudo_of(unit.mass, unit.first_moment, unit.inertia)
@@ -129,14 +129,14 @@ class _Share:
 
 
 def _most(whole: Array, part: Array) -> float:
-    """The largest multiple of `part` that can be taken from `whole` so that no direction becomes negative."""
+    """The largest multiple of `part` that leaves `whole` positive semi-definite when subtracted."""
     return float(1 / eigh(part, whole, eigvals_only=True)[-1])
 
 
 def _whole(link: Link, length: float) -> tuple[Array, float]:
     """The link's pseudo-inertia, and the radius of gyration of its section over the length.
 
-    A link that is thinner than any section may be gets twice the thinnest one's thickness.
+    A link thinner than the thinnest allowed section gets twice that section's thickness.
     """
     centre = np.asarray(link.center_of_mass, dtype=float)
     spread = np.trace(link.inertia_matrix) / 2 * np.eye(3) - link.inertia_matrix
@@ -150,7 +150,7 @@ def _whole(link: Link, length: float) -> tuple[Array, float]:
 
 
 def _pseudo_of(mass: float, first_moment: Array, inertia: Array) -> Array:
-    """[sum m r r^T, sum m r; sum m r^T, m]: positive semi-definite for every body that can be, (4, 4).
+    """[sum m r r^T, sum m r; sum m r^T, m]: positive semi-definite for every realisable body, (4, 4).
 
     Wensing, Kim, Slotine, IEEE Robotics and Automation Letters 3 (2018) 60-67, eq. 9.
     """

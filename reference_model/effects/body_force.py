@@ -1,4 +1,4 @@
-"""The interface of effects that push on a body from outside, or from a device on board."""
+"""The interface of effects that apply a force to a body from outside, or from a device on board."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ __all__ = ["BodySight", "BodySignals", "ForceEffect"]
 
 @dataclass(frozen=True)
 class BodySignals:
-    """How the point moves that a force acts at, as expressions.
+    """Motion of the point at which a force acts, as expressions.
 
     Attributes:
         time: [s].
         position: in the inertial frame [m], 3 x 1.
-        rotation: from the axes at the point, which turn with the body, to inertial ones, 3 x 3.
+        rotation: from the axes at the point, which rotate with the body, to inertial ones, 3 x 3.
         velocity: inertial, [linear; angular] in the axes at the point [m/s, rad/s], 6 x 1.
         home, home_rotation: position and rotation of the base's frame at the start, shapes (3,) and (3, 3).
     """
@@ -39,15 +39,15 @@ class BodySignals:
 
 @dataclass(frozen=True)
 class BodySight:
-    """A rigid link in the recordings and what is not explained while it moves; K samples, n joints.
+    """Motion of a rigid link in the recordings with the joints' residual forces; K samples, n joints.
 
     Attributes:
         position: of the link's frame in the inertial one [m], shape (K, 3).
         rotation: from the link's axes to inertial ones, shape (K, 3, 3).
         spread: force at the joints of each component of a wrench [force; moment] about the frame's origin in
             the link's axes, shape (K, n, 6).
-        left: force at the joints that is not explained, whitened as `spread` is, shape (K, n).
-        points: of the link that may touch something, in its frame [m], shape (Q, 3).
+        left: residual force at the joints, whitened like `spread`, shape (K, n).
+        points: points of the link that may make contact, in its frame [m], shape (Q, 3).
     """
 
     position: NDArray[np.float64]
@@ -58,30 +58,30 @@ class BodySight:
 
 
 class ForceEffect(Effect):
-    """Pushes on a body at a point of it.
+    """Applies a force to a body at a point of it.
 
-    A base or a flexible link that it moves is not recorded with the joints' motion.
+    The motion of a base or flexible link that it causes is not recorded with the joints' motion.
     """
 
     along_motion = False
     #: Number of internal states.
     states: ClassVar[int] = 0
-    #: It also carries, with a constant wrench, what rests on its body at the start.
+    #: It also balances, with a constant wrench, the load on its body at the start.
     carries_start: ClassVar[bool] = False
 
     @property
     def is_searched(self) -> bool:
         return self.along_base or self.along_link
 
-    #: Parameters that a robot file states and a recording has to show.
+    #: Parameters that a robot file states and that a recording has to determine.
     located: ClassVar[tuple[str, ...]] = ()
 
     def starts_along(self, sight: BodySight) -> Sequence[tuple[float, Mapping[str, float]]]:
-        """Starting values for a link, best first, each with the part of the squared forces it explains."""
+        """Starting values for a link, best first, each with the fraction of squared forces it explains."""
         return ()
 
     def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
-        """Bounds of parameters that the robot or its torques make narrower than the catalogue's."""
+        """Bounds of parameters narrower than the catalogue's for this robot or its torques."""
         return {}
 
     @abstractmethod
@@ -89,11 +89,11 @@ class ForceEffect(Effect):
         """[force; moment] on the body about the point, in the axes at the point [N, N m], 6 x 1."""
 
     def acts(self, p: Mapping[str, float]) -> bool:
-        """Whether it does anything with these parameters."""
+        """Whether it has any influence with these parameters."""
         return True
 
     def point(self, p: Mapping[str, Any]) -> tuple[Any, Any, Any]:
-        """Where it acts, in the body's frame [m]; on a flexible link the node nearest to it is taken."""
+        """Point of action in the body's frame [m]; on a flexible link the nearest node is used."""
         return (0.0, 0.0, 0.0)
 
     def state_rate(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
@@ -105,7 +105,7 @@ class ForceEffect(Effect):
         return (0.0,) * self.states
 
     def spin(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
-        """Angular momentum on board besides the body's motion, in the axes at the point [N m s], 3 x 1."""
+        """Angular momentum on board in addition to the body's, in the axes at the point [N m s], 3 x 1."""
         return ca.SX(3, 1)
 
     def stored(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
@@ -113,9 +113,9 @@ class ForceEffect(Effect):
         return ca.SX(1, 1)
 
     def power(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
-        """Power that it gives to the body and to what it stores [W]; negative where it dissipates."""
+        """Power delivered to the body and to the stored energy [W]; negative where it dissipates."""
         return ca.dot(self.wrench(s, p, z), s.velocity)
 
     def fastest(self, p: Mapping[str, float], mass: float) -> float:
-        """A bound of the natural frequency that it gives to a body of this mass [rad/s]; 0 for none."""
+        """Upper bound of the natural frequency of a body of this mass on it [rad/s]; 0 for none."""
         return 0.0

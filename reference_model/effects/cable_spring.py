@@ -15,8 +15,8 @@ __all__ = ["CableSpring"]
 class CableSpring(JointEffect):
     """T = T_0 - k q, that is -k (q - q_0) with the neutral position q_0 = T_0 / k.
 
-    T_0 is estimated and not q_0: the law is then linear in both, and a weak spring leaves no parameter
-    without influence.
+    T_0 is estimated and not q_0: the law is then linear in both, and both keep an influence even if the
+    spring is weak.
     """
 
     id = "cable_spring"
@@ -42,7 +42,7 @@ class CableSpring(JointEffect):
     source = "ECSS-E-ST-33-01C, Space Engineering: Mechanisms (2009), torque budget (springs and harnesses)"
     signature = "a torque that follows the position, even in direction and present at rest"
     confused_with = ("gravity", "torque_offset", "asymmetric_friction", "joint_elasticity", "end_stop")
-    experiment = "holding torque up and down over the whole travel: a straight line, unlike gravity's sine"
+    experiment = "holding torque up and down over the full travel: a straight line, unlike gravity's sine"
     needs = ("position",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

@@ -1,4 +1,4 @@
-"""Centrifugal stiffening: a described flexible beam lacks the foreshortening that bending causes."""
+"""Centrifugal stiffening: a flexible beam whose model lacks the foreshortening due to bending."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["CentrifugalStiffening"]
 
 
 class CentrifugalStiffening(StructureEffect):
-    """A share of the geometric stiffening of a beam whose description leaves it out.
+    """A fraction of the geometric stiffening of a beam whose description omits it.
 
-    At 1 the beam is the one whose description says `stiffening = true`.
+    At 1 the beam is the same as with `stiffening = true` in its description.
     """
 
     id = "centrifugal_stiffening"
@@ -25,11 +25,13 @@ class CentrifugalStiffening(StructureEffect):
     stage = 1
     reshapes = True
     parameters = (
-        Parameter("strength", "-", "share of the foreshortening that takes part", 0.0, 1.0, 1.0, absent=0.0),
+        Parameter(
+            "strength", "-", "fraction of the foreshortening that is included", 0.0, 1.0, 1.0, absent=0.0
+        ),
     )
     equation = "node k also moves by -strength/2 x^T B_k x along the beam, B_k = int_0^k w' w'^T ds"
     source = "Southwell and Gough, ARC R&M 766 (1921); Kane, Ryan, Banerjee, J. Guidance 10 (1987) 139-151"
-    signature = "a link's frequency that rises with the square of the rate of slewing, only while it slews"
+    signature = "a link's frequency rises with the square of the slew rate, only during the slew"
     confused_with = ("link_flexibility", "payload", "temperature_dependent_friction")
     experiment = (
         "let the link ring at several constant rates: frequency squared against rate squared is a line"
@@ -39,9 +41,11 @@ class CentrifugalStiffening(StructureEffect):
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
         link = robot.link(at)
         if link.beam is None:
-            raise InputError(f"link '{at}' is no beam; only beams stiffen.")
+            raise InputError(f"link '{at}' is not a beam; only beams stiffen.")
         if link.beam.stiffening:
-            raise InputError(f"link '{at}' is described with stiffening already; set stiffening to false.")
+            raise InputError(
+                f"link '{at}' already has stiffening in its description; set stiffening to false."
+            )
         if p["strength"] == 0:
             return robot
         stiff = link.model_copy(update={"beam": link.beam.model_copy(update={"stiffening": True})})

@@ -22,7 +22,14 @@ class ClockDrift(SensorEffect):
     searched_in = frozenset({"position", "torque", "angular_velocity"})
     parameters = (
         Parameter(
-            "rate", "s/s", "how fast the channel runs ahead", -0.02, 0.02, 1e-4, absent=0.0, linear=True
+            "rate",
+            "s/s",
+            "relative rate by which the channel's clock runs ahead",
+            -0.02,
+            0.02,
+            1e-4,
+            absent=0.0,
+            linear=True,
         ),
     )
     equation = "measured(t) = true(t * (1 + rate))"

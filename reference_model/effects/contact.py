@@ -15,22 +15,22 @@ __all__ = ["Contact"]
 
 AXES = ("x", "y", "z")
 
-#: Of the penetration, in Hertz's force.
+#: Exponent of the penetration in Hertz's force.
 POWER = 1.5
 
 #: Penetration up to which the contact's frequency is bounded [m].
 DEEPEST = 0.01
 
-#: Shortest normal that is taken for a direction [-].
+#: Shortest normal that is accepted as a direction [-].
 SHORTEST = 1e-9
 
 
 class Contact(ForceEffect):
-    """A frictionless plane that is fixed in the inertial frame and that a point of the link cannot pass.
+    """A frictionless plane, fixed in the inertial frame, that stops a point of the link.
 
     Hertz's force with the damping of Hunt and Crossley, which never pulls. Without damping no energy is
     lost; with it the coefficient of restitution is 1 - 2/3 damping v for small speeds v of approach. On a
-    flexible link the node nearest to the point touches.
+    flexible link the node nearest to the point makes contact.
     """
 
     id = "contact"
@@ -45,7 +45,7 @@ class Contact(ForceEffect):
         ),
         Parameter("offset", "m", "of the plane along its normal, from the inertial origin", -1e4, 1e4, 0.5),
         Parameter(
-            "damping", "s/m", "part of the force per speed of penetration", 0.0, 100.0, 0.2, default=0.0
+            "damping", "s/m", "fraction of the force per unit penetration speed", 0.0, 100.0, 0.2, default=0.0
         ),
         *(
             Parameter(
@@ -79,11 +79,11 @@ class Contact(ForceEffect):
     )
     source = "Hunt and Crossley, J. Applied Mechanics 42 (1975) 440-445"
     signature = (
-        "a short burst in all torques, always at the same place of the point, and a step of the momentum of "
-        "base and arm together, which nothing on board can make"
+        "a short burst in all torques, always at the same position of the point, and a step of the total "
+        "momentum of base and arm, which nothing on board can cause"
     )
     confused_with = ("external_torque", "end_stop", "backlash", "coulomb_friction")
-    experiment = "take away the object, or approach the place along another way; look at the base's momentum"
+    experiment = "remove the object, or approach the place along another path; look at the base's momentum"
     essential = ("offset",)
 
     def contradiction(self, values: Mapping[str, float]) -> str:

@@ -1,4 +1,4 @@
-"""Coulomb friction: constant in size, against the motion."""
+"""Coulomb friction: constant magnitude, against the motion."""
 
 from __future__ import annotations
 

@@ -24,8 +24,8 @@ class EncoderEccentricity(SensorEffect):
         Parameter("cosine", "rad", "cosine part of the error", -0.1, 0.1, 1e-3, absent=0.0, linear=True),
         Parameter("sine", "rad", "sine part of the error", -0.1, 0.1, 1e-3, absent=0.0, linear=True),
         order_parameter(
-            "radians of the cycle per radian of the joint; 1 for an encoder at the joint, the gear ratio for "
-            "one at the motor, twice that for an oval disc",
+            "phase of the cycle per joint position; 1 for an encoder at the joint, the gear ratio for one at "
+            "the motor, twice that for an oval disc",
             default=1.0,
         ),
     )
@@ -37,9 +37,7 @@ class EncoderEccentricity(SensorEffect):
         "Lu, Graetz, Amin-Shahidi and Smeds, CIRP Annals 59 (2010) 529-534 (mounted angle encoders, by "
         "harmonics); at order 1 the amplitude is eccentricity over radius, 41 arcsec for 10 um at 50 mm"
     )
-    signature = (
-        "position and velocity ripple once per turn of the encoder, whatever the speed, without a torque"
-    )
+    signature = "position and velocity ripple once per turn of the encoder, at any speed, without a torque"
     confused_with = ("torque_ripple", "position_dependent_friction", "gravity", "sensor_gain")
     experiment = "a second reading head, or motor against joint encoder at slow speed; the angle error stays"
     needs = ("position",)

@@ -1,4 +1,4 @@
-"""End stop: an elastic stop that the joint leans on beyond a position."""
+"""End stop: an elastic stop that acts on the joint beyond a position."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from reference_model.effects.base import Extent, JointEffect, JointSignals, Para
 
 __all__ = ["EndStop"]
 
-#: Starting values: how far before the end of the travel the stop begins, as a share of the travel.
+#: Starting values: distance of the stop from the end of the travel, as a fraction of the travel.
 DEPTHS = (0.01, 0.05, 0.2)
 
 

@@ -1,4 +1,4 @@
-"""External torque: somebody or something pushes for a while."""
+"""External torque: a temporary push on the joint."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["ExternalTorque"]
 
 #: At most this many windows are tried.
 MOST_WINDOWS = 8
-#: Shares of the recording that are tried when no window stands out: start and length.
+#: Fractions of the recording that are tried when no window stands out: start and length.
 BLIND_WINDOWS = ((0.1, 0.2), (0.4, 0.2), (0.7, 0.2))
 
 
@@ -28,13 +28,11 @@ class ExternalTorque(JointEffect):
         Parameter("torque", "N m", "generalised force on the joint", -1e5, 1e5, 5.0, absent=0.0, linear=True),
         Parameter("start", "s", "when it begins", 0.0, 1e6, 1.0),
         Parameter("duration", "s", "how long it lasts", 1e-4, 1e6, 0.5),
-        Parameter(
-            "edge", "s", "time in which it comes and goes", 1e-4, 10.0, 0.01, estimated=False, default=0.01
-        ),
+        Parameter("edge", "s", "rise and fall time", 1e-4, 10.0, 0.01, estimated=False, default=0.01),
     )
     equation = "T = torque * (tanh((t - start)/edge) - tanh((t - start - duration)/edge)) / 2"
     source = "De Luca and Mattone, ICRA 2005 (external torques from the generalised momentum)"
-    signature = "a residual in a window of time that no repetition of the motion shows again"
+    signature = "a residual in a window of time that does not recur when the motion is repeated"
     confused_with = ("contact", "end_stop", "torque_saturation", "torque_offset")
     experiment = "repeat the motion: an external torque does not come back at the same place"
 

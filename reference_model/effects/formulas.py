@@ -1,4 +1,4 @@
-"""The compiled functions of an effect at a place: its contribution, its derivatives, its states' steps."""
+"""The compiled functions of an effect at a place: contribution, derivatives, steps of its states."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class Formulas:
     """The compiled functions of one effect.
 
     Constants are the effect's parameters and then the transition speed; rows are signals in the order of
-    `JointSignals.CHANNELS`, with the direction behind them where they are `directed`; sensitivities follow
-    the states column by column.
+    `JointSignals.CHANNELS`, followed by the direction if `directed`; sensitivities follow the states column
+    by column.
 
     Attributes:
         torque: (row, constants[, states]) to the contribution.
-        jacobian: (row, constants[, states and sensitivities]) to the contribution and its derivative by the
-            estimated parameters.
+        jacobian: (row, constants[, states and sensitivities]) to the contribution and its derivative with
+            respect to the estimated parameters.
         states, sensitivities: chains of steps, without and with the sensitivities.
         first: (row, constants) to states and sensitivities at the first sample.
         error: (row, next row, constants, states, next states) to the torque's error in one step.
-        channels: those of the signals on which the contribution depends.
+        channels: signals on which the contribution depends.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Gear hysteresis: a twist that depends on which way the torque came."""
+"""Gear hysteresis: a twist that depends on the history of the torque."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ from reference_model.effects.gear_spring import SPRING_STATED, damper, shared_st
 
 __all__ = ["GearHysteresis"]
 
-#: Starting values: friction inside the gear as a part of the rms torque, and the travel [rad or m].
+#: Starting values: friction inside the gear relative to the rms torque, and the travel [rad or m].
 TORQUE_SHARE = 0.1
 TRAVELS = (1e-5, 1e-4, 1e-3)
 
 
 class GearHysteresis(GearEffect):
-    """T = K d + T_h z + D dd, travel zd = dd - |dd| z: friction inside the gear beside its spring.
+    """T = K d + T_h z + D dd, travel zd = dd - |dd| z: friction inside the gear, in parallel with its spring.
 
     It is Bouc and Wen's spring with exponent 1 and equal shape parameters, whose z is Dahl's. The loop of
-    torque against twist does not depend on how fast it is run through, is as high as 2 T_h and, for twists
-    far beyond the travel, has the area 4 T_h times the amplitude less what the corners take. Just after a
-    reversal the gear is stiffer, K + 2 T_h/travel. With T_h travel z^2 / 2 as energy the loss T_h |dd| z^2 is
-    never negative.
+    torque against twist is rate-independent, has the height 2 T_h and, for twists far beyond the travel, the
+    area 4 T_h times the amplitude minus that of the corners. Just after a reversal the gear is stiffer,
+    K + 2 T_h/travel. With T_h travel z^2 / 2 as energy the loss T_h |dd| z^2 is never negative.
     """
 
     id = "gear_hysteresis"
@@ -33,7 +32,7 @@ class GearHysteresis(GearEffect):
         Parameter(
             "torque", "N m", "T_h, half the height of the loop", 0.0, 1e5, 2.0, absent=0.0, linear=True
         ),
-        Parameter("travel", "rad", "twist over which it builds up", 1e-8, 1.0, 1e-4),
+        Parameter("travel", "rad", "twist over which the friction builds up", 1e-8, 1.0, 1e-4),
         shared_stiffness("K, torque per twist along the flanks of the loop"),
         Parameter(
             "damping",
@@ -49,20 +48,20 @@ class GearHysteresis(GearEffect):
     )
     equation = (
         "T = stiffness * d + torque * z + damping * dd, travel * zd = dd - |dd| * z, "
-        "d = th - q and the motor as in joint_elasticity, beside whose spring it acts where that is present"
+        "d = th - q and the motor as in joint_elasticity, in parallel with whose spring it acts if present"
     )
     source = (
         "Wen, ASCE J. Eng. Mech. Div. 102 (1976) 249-263; Dahl, Aerospace Corp. TOR-0158(3107-18)-1 (1968); "
         "in elastic joints: Ruderman, Bertram, Iwasaki, Mechatronics 24 (2014) 407-415"
     )
     signature = (
-        "twist against torque runs round a loop that is open at zero torque (lost motion), the same at every "
+        "twist against torque follows a loop that is open at zero torque (lost motion), the same at every "
         "speed; the gear is stiffer just after a reversal"
     )
     confused_with = ("joint_elasticity", "backlash", "lugre_friction", "sensor_delay")
     experiment = (
-        "hold the output and run loops of several sizes at two speeds: the loop keeps its height, while "
-        "damping's grows with speed and backlash is flat"
+        "hold the output and run loops of several amplitudes at two speeds: the height stays constant, while "
+        "with damping it grows with speed and with backlash it is zero"
     )
     essential = ("torque", "travel")
     needs = ("motor_position",)

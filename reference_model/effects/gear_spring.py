@@ -1,4 +1,4 @@
-"""What the three effects in a gear share: one spring and damper, which one of them states."""
+"""The spring and damper that the three gear effects share; one of them states it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from reference_model.effects.base import GearSignals, Parameter, Values
 
 __all__ = ["DAMPING", "SPRING_STATED", "STIFFEST", "STIFFNESS_RANGE", "damper", "shared_stiffness"]
 
-#: Credible stiffness of a gear: a toy servo's to a telescope's axis [N m/rad or N/m].
+#: Credible stiffness of a gear, from a toy servo to a telescope axis [N m/rad or N/m].
 STIFFNESS_RANGE = (1.0, 1e9)
 STIFFEST = STIFFNESS_RANGE[1]
 
-#: Says of `stiffness` and `damping` where an effect that needs a spring leaves them to another one.
+#: Note on `stiffness` and `damping` of an effect that may use the spring of another one.
 SPRING_STATED = "0 where `joint_elasticity` at the same joint states it"
 
 DAMPING = Parameter(
@@ -21,7 +21,7 @@ DAMPING = Parameter(
 
 
 def shared_stiffness(meaning: str) -> Parameter:
-    """Stiffness of an effect that can lean on `joint_elasticity`."""
+    """Stiffness of an effect that can use the spring of `joint_elasticity`."""
     return Parameter(
         "stiffness",
         "N m/rad",
@@ -35,5 +35,5 @@ def shared_stiffness(meaning: str) -> Parameter:
 
 
 def damper(s: GearSignals, p: Values) -> ca.SX:
-    """D times the rate, as far as the flanks are in contact [N m or N]."""
+    """D times the rate times the degree of contact of the flanks [N m or N]."""
     return p["damping"] * s.contact * s.rate

@@ -1,4 +1,4 @@
-"""Gravity: the field is not what the description says, or the base is not level."""
+"""Gravity: the field differs from the description, or the base is not level."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ TILT = 0.035
 
 
 class Gravity(BodyEffect):
-    """An addition to the gravity vector: a tilted base, imperfect off-loading, or gravity forgotten."""
+    """An addition to the gravity vector: a tilted base, imperfect off-loading, or missing gravity."""
 
     id = "gravity"
     title = "Wrong or forgotten gravity"
     place = "base"
     parameters = tuple(
-        # The bound lets the whole of Earth's gravity be missing, or be there with the wrong sign.
+        # The bound allows all of Earth's gravity to be missing or to have the wrong sign.
         Parameter(
             axis,
             "m/s^2",
@@ -46,7 +46,7 @@ class Gravity(BodyEffect):
         "Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control (2009), ch. 7 "
         "(gravity in the equations of motion); a table tilted by 1e-4 rad leaves 1e-3 m/s^2 of Earth's"
     )
-    signature = "residuals that follow the absolute pose, are present at rest and do not know the direction"
+    signature = "residuals that follow the absolute pose, also at rest, whatever the direction of motion"
     confused_with = ("cable_spring", "torque_offset", "asymmetric_friction", "payload", "inertia")
     experiment = "hold poses all around, then turn or tilt the whole robot: gravity turns with it"
     needs = ("torque", "position")

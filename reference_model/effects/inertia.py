@@ -16,9 +16,9 @@ def _change(name: str, unit: str, meaning: str, bound: float, typical: float) ->
 
 
 class Inertia(BodyEffect):
-    """Changes of the ten inertial numbers of a link, about its frame's origin. All are linear.
+    """Changes of the ten inertial parameters of a link, about its frame's origin. All are linear.
 
-    Most robots show only combinations of them; a diagnosis has to find which.
+    In most robots only combinations of them are identifiable; a diagnosis has to find these.
     """
 
     id = "inertia"

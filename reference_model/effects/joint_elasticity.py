@@ -1,4 +1,4 @@
-"""Joint elasticity: gear and shaft wind up under the torque they transmit."""
+"""Joint elasticity: wind-up of gear and shaft under the transmitted torque."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ __all__ = ["JointElasticity"]
 
 #: Starting values: wind-up under the rms torque [rad or m]; gears are built for arc minutes.
 WIND_UPS = (1e-4, 1e-3)
-#: Newton steps to the twist; each leaves two thirds of it where the cubic part is all, and squares the error
-#: near the solution.
+#: Newton steps to the twist; each reduces it to two thirds where the cubic part dominates, and squares the
+#: error near the solution.
 NEWTON = 6
 
 
 class JointElasticity(YieldingGear):
-    """T = K d + K3 d^3 + D dd, d the twist: motor position at the joint side less joint position.
+    """T = K d + K3 d^3 + D dd, d the twist: motor position at the joint side minus joint position.
 
-    The motor's rotor moves by itself, B thdd = u - T with B = gear_ratio^2 rotor_inertia, and the joint gets
-    T instead of u (Spong 1987: a rotor's kinetic energy is that of its own spin alone).
+    The rotor has its own equation, B thdd = u - T with B = gear_ratio^2 rotor_inertia, and the joint gets T
+    instead of u (Spong 1987: a rotor's kinetic energy is only that of its own spin).
     """
 
     id = "joint_elasticity"
     title = "Joint elasticity"
     parameters = (
-        Parameter("stiffness", "N m/rad", "K, torque per twist", *STIFFNESS_RANGE, 2e4),
+        Parameter("stiffness", "N m/rad", "K, torque per unit twist", *STIFFNESS_RANGE, 2e4),
         Parameter(
             "cubic_stiffness",
             "N m/rad^3",
@@ -54,12 +54,12 @@ class JointElasticity(YieldingGear):
     signature = (
         "motor and joint encoders differ in proportion to the transmitted torque; a resonance of the joint "
         "and an anti-resonance of the motor; with the motor's encoder alone, torque in proportion to the "
-        "second derivative of what the links need"
+        "second derivative of the torque that the links require"
     )
     confused_with = ("sensor_delay", "sensor_gain", "link_flexibility", "gear_hysteresis", "actuator_lag")
     experiment = (
-        "hold the output and ramp the torque: twist in proportion to torque; strain on the link moves with a "
-        "link's mode and not with the joint's"
+        "hold the output and ramp the torque: twist in proportion to torque; strain on the link follows a "
+        "link's mode and not the joint's"
     )
     essential = ("stiffness",)
     needs = ("motor_position",)

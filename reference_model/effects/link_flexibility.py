@@ -1,4 +1,4 @@
-"""Link flexibility: a link that is described as rigid bends."""
+"""Link flexibility: a link described as rigid bends."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ PERIODS = (0.05, 0.2, 0.8)
 
 
 class LinkFlexibility(StructureEffect):
-    """The link is a uniform beam from its frame to the outermost joint that it carries, and bends.
+    """The link is a flexible uniform beam from its frame to the outermost joint that it carries.
 
     As much of the link's mass as its inertia allows lies along the beam; mass, centre of mass and inertia
-    of the undeformed link are the description's (one thinner than a five-hundredth of its length counts as
-    that thick). Without a joint on it the link ends at twice the distance
-    of its centre of mass. The beam is round: it bends alike in both planes. Other joints on the link must
-    sit at its frame or at a node of twelve elements.
+    of the undeformed link are those of the description (a link thinner than a five-hundredth of its length
+    counts as that thick). Without a joint on it the link ends at twice the distance of its centre of mass.
+    The beam is round: it has the same stiffness in both planes. Other joints on the link must be at its frame
+    or at a node of twelve elements.
     """
 
     id = "link_flexibility"
@@ -32,14 +32,14 @@ class LinkFlexibility(StructureEffect):
         Parameter(
             "period",
             "s",
-            "of the first bending mode, clamped at the link's frame, all that it carries a point at its tip",
+            "of the first bending mode, clamped at the link's frame, its load as a point mass at its tip",
             0.0,
             1e3,
             0.2,
             absent=0.0,
         ),
         Parameter("damping_ratio", "-", "of all its modes", 0.0, 0.99, 0.01, default=0.005),
-        Parameter("modes", "-", "how many it has", 1.0, 24.0, 4.0, estimated=False, default=4.0),
+        Parameter("modes", "-", "number of modes", 1.0, 24.0, 4.0, estimated=False, default=4.0),
     )
     equation = (
         "xdd + 2 damping_ratio w xd + w^2 x = -(inertial coupling), "
@@ -49,11 +49,11 @@ class LinkFlexibility(StructureEffect):
         "Shabana, Dynamics of Multibody Systems (2005), ch. 5; Rayleigh's 33/140: Young and Budynas, Roark's "
         "Formulas for Stress and Strain (2002), table 16.1"
     )
-    signature = "vibration after each stop at a frequency that falls with payload, seen most at tip and base"
+    signature = "vibration after each stop at a frequency that falls with payload, strongest at tip and base"
     confused_with = ("joint_elasticity", "modal_damping", "slosh", "base_motion", "actuator_lag", "payload")
     experiment = (
-        "let it ring down with the joint's brake on: an elastic gear is then still; repeat with another "
-        "payload, with which the frequency goes as one over the root of its mass"
+        "let it ring down with the joint's brake on: an elastic gear is then at rest; repeat with another "
+        "payload: the frequency is proportional to one over the root of its mass"
     )
     essential = ("period",)
 
@@ -72,7 +72,7 @@ class LinkFlexibility(StructureEffect):
 
     def contradiction(self, values: Mapping[str, float]) -> str:
         modes = values["modes"]
-        return "" if modes == round(modes) else f"modes = {modes:g} is no whole number"
+        return "" if modes == round(modes) else f"modes = {modes:g} is not a whole number"
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         damping = self.parameter("damping_ratio").typical

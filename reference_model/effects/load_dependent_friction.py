@@ -1,4 +1,4 @@
-"""Load-dependent friction: grows with what bearings and gear have to carry."""
+"""Load-dependent friction: grows with the load of bearings and gear."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class LoadDependentFriction(JointEffect):
         Parameter(
             "gear_share",
             "-",
-            "share of the actuator's torque that the gear's friction takes",
+            "fraction of the actuator's torque lost to gear friction",
             0.0,
             1.0,
             0.05,

@@ -1,4 +1,4 @@
-"""LuGre friction: bristles that bend before they slide."""
+"""LuGre friction: bristles that deflect before they slide."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from reference_model.effects.base import (
 )
 from reference_model.effects.stribeck_friction import (
     LEVEL_SHARES,
+    observable_velocities,
     rest_below_sliding,
     static_is_too_large,
     stribeck_level,
     stribeck_velocities,
-    told_velocities,
 )
 
 __all__ = ["LuGreFriction"]
@@ -29,33 +29,33 @@ __all__ = ["LuGreFriction"]
 SMALLEST_LEVEL = 1e-9
 #: Keeps the sliding deflection finite when there is no stiffness at all [N m/rad or N/m].
 SMALLEST_STIFFNESS = 1e-9
-#: Added to the bearing load, so that bristles whose level and stiffness both come from it have their sliding
-#: deflection when it vanishes: a thousand times the floor of the level, far below what any friction is worth.
+#: Added to the bearing load, so that bristles whose level and stiffness both depend on it keep their sliding
+#: deflection when it vanishes: a thousand times the floor of the level, far below any friction that matters.
 SMALLEST_LOAD = 1e-6
-#: Below this a diagnosis would divide by a spring that does nothing [N m/rad or N/m].
+#: Below this a diagnosis would divide by a vanishing stiffness [N m/rad or N/m].
 SOFTEST = 1.0
-#: Starting values: bristle deflection at break-away as a share of the travel (published: 1e-5 to 1e-3 rad).
+#: Starting values: bristle deflection at break-away relative to the travel (published: 1e-5 to 1e-3 rad).
 BREAKAWAY_SHARES = (1e-4, 1e-3, 1e-2, 1e-1)
-#: Starting value of the bristles' time constant, in sample times: faster ones do not show.
+#: Starting value of the bristles' time constant, in sample times: faster ones are not observable.
 DAMPING_SAMPLES = 2.0
 
 
 class LuGreFriction(JointEffect):
     """zd = qd - s0 |qd| z / g(qd), T = -(s0 z + s1(qd) zd), with the state z in rad or m.
 
-    Level, stiffness and damping have a constant part and a part in proportion to the bearing load W, so that
-    the same equations are the law in torques and the law in surface coordinates of Liu et al. (2015),
+    Level, stiffness and damping have a constant part and a part proportional to the bearing load W, so that
+    the same equations cover the law in torques and the law in surface coordinates of Liu et al. (2015),
     T = -W (sigma0 zeta + sigma1 zetad + sigma2 R qd), zetad = R qd - sigma0 |R qd| zeta / g, R the radius of
     the bearing: zeta = R z, and load_stiffness, load_damping, load_viscosity are R sigma0, R sigma1,
     R sigma2, stribeck_velocity is v_s / R. A preload W_pre of the bearing is mu_d W_pre, mu_s W_pre,
     R sigma0 W_pre and R sigma1 W_pre in the constant parts. The sliding deflection g/s0 then does not depend
-    on the load, and stays what it is while the load vanishes.
+    on the load, and stays the same when the load vanishes.
 
     The damping is s1(v) = s1 / (1 + limit s1 |v| / (4 g(v))). With a constant s1 (limit 0, the original law)
-    friction can give out energy when s1 |v| > 4 g(v); with limit 1 it stays below that bound at every speed
+    friction can generate energy when s1 |v| > 4 g(v); with limit 1 it stays below that bound at every speed
     and tends to the constant near rest. With the bristle energy s0 z^2 / 2 as storage the dissipated
     power is s1 v^2 - (s1/g) |v| v w + (|v|/g) w^2, w = s0 z: a form that is never negative below the bound.
-    That is for stiffness at rest; a load that changes while bristles are bent stores or takes d(s0)/dt z^2/2,
+    That is for constant stiffness; a load change while bristles are deflected stores or takes d(s0)/dt z^2/2,
     at most mu_s^2 W / (2 load_stiffness) in each rise and fall: micro-joules to millijoules.
     """
 
@@ -133,7 +133,7 @@ class LuGreFriction(JointEffect):
     )
     signature = (
         "after a reversal the torque builds up over a small travel instead of jumping; below break-away the "
-        "joint acts as a spring with a hysteresis loop"
+        "joint behaves like a spring with a hysteresis loop"
     )
     confused_with = (
         "stribeck_friction",
@@ -143,7 +143,7 @@ class LuGreFriction(JointEffect):
         "backlash",
     )
     experiment = (
-        "slow reversals of falling amplitude: the loop's area falls faster than its width, "
+        "slow reversals of decreasing amplitude: the loop's area falls faster than its width, "
         "while backlash keeps its width"
     )
     family = "dry_friction"
@@ -168,7 +168,7 @@ class LuGreFriction(JointEffect):
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         return {
             "bristle_stiffness": (SOFTEST, self.parameter("bristle_stiffness").upper),
-            "stribeck_velocity": told_velocities(extent, self.parameter("stribeck_velocity")),
+            "stribeck_velocity": observable_velocities(extent, self.parameter("stribeck_velocity")),
         }
 
     def contradiction(self, values: Mapping[str, float]) -> str:
@@ -184,7 +184,7 @@ class LuGreFriction(JointEffect):
         return s.velocity - self._stiffness(s, p) * ca.fabs(s.velocity) * z / self._level(s, p)
 
     def build_up(self, values: Mapping[str, float]) -> float:
-        """Bristle deflection at break-away, of the constant or of the load's part, whichever is longer."""
+        """Bristle deflection at break-away, of the constant or the load-dependent part, if that is larger."""
         parts = (("static_torque", "bristle_stiffness"), ("load_static_coefficient", "load_stiffness"))
         return max(
             (values[level] / values[stiffness] for level, stiffness in parts if values[stiffness] > 0),
@@ -192,11 +192,11 @@ class LuGreFriction(JointEffect):
         )
 
     def initial_state(self, s: JointSignals, p: Values) -> ca.SX:
-        """The sliding state when the first sample moves, unbent bristles when it rests."""
+        """The sliding state if the first sample moves, undeflected bristles if it is at rest."""
         return self._level(s, p) / self._stiffness(s, p) * s.sign
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """Of velocity, stiffness and damping; the two torques start where the simpler law left them."""
+        """Starts of velocity, stiffness and damping; the two torques start from the simpler law's fit."""
         level = math.sqrt(max(extent.residual * extent.torque, 1e-12))
         velocities = stribeck_velocities(extent, self.parameter("stribeck_velocity"))
         stiffness, damping = self.parameter("bristle_stiffness"), self.parameter("bristle_damping")

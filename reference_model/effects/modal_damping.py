@@ -1,4 +1,4 @@
-"""Modal damping: a flexible link's vibration dies away faster or slower than described."""
+"""Modal damping: a flexible link's vibration decays faster or slower than in the description."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class ModalDamping(StructureEffect):
     )
     equation = "xdd_a + (c_a + 2 damping_ratio w_a) xd_a + w_a^2 x_a = -(inertial coupling), every mode a"
     source = "Clough and Penzien, Dynamics of Structures (1993), sec. 12-3"
-    signature = "vibration of the link after a stop that dies away faster or slower, at the same frequency"
+    signature = "vibration of the link after a stop that decays faster or slower, at the same frequency"
     confused_with = ("viscous_friction", "link_flexibility", "sensor_delay", "slosh")
     experiment = (
         "ring-down from three amplitudes: a material's damping ratio does not depend on the amplitude, dry "
-        "friction at a joint takes off an amount that is constant"
+        "friction at a joint reduces it by a constant amount per cycle"
     )
     essential = ("damping_ratio",)
 
@@ -46,7 +46,7 @@ class ModalDamping(StructureEffect):
         return ({"damping_ratio": self.parameter("damping_ratio").typical},)
 
     def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
-        """A mode keeps some damping; all of its own may go."""
+        """Total damping of a mode stays positive; its own damping may be cancelled."""
         body = flexible_body(robot.link(at))
         least = float((np.diag(body.damping) / (2 * body.frequencies)).min())
         return {"damping_ratio": (-least, self.parameter("damping_ratio").upper)}
@@ -66,6 +66,6 @@ class ModalDamping(StructureEffect):
         if ratios.min() < -ROUNDING:
             raise InputError(
                 f"damping_ratio = {p['damping_ratio']:g} leaves a mode with the damping ratio "
-                f"{ratios.min():.3g}; no structure gives out energy."
+                f"{ratios.min():.3g}; no structure generates energy."
             )
         return replace(body, damping=damping)

@@ -1,6 +1,6 @@
-"""Spatial frequencies: where an effect that repeats with the angle is looked for.
+"""Spatial frequencies at which an effect that is periodic in position is searched for.
 
-An `order` k is an angular spatial frequency: the effect runs through cos(k q) and sin(k q), q in rad (or m).
+An `order` k is an angular spatial frequency: the effect contains cos(k q) and sin(k q), q in rad (or m).
 On a revolute joint k = 1 is once per turn of the joint and k = gear ratio once per turn of the motor. One
 cycle takes the travel 2 pi / k.
 """
@@ -16,11 +16,11 @@ __all__ = ["order_parameter", "order_starts"]
 
 #: At most this many starting values.
 MOST_STARTS = 12
-#: Multiples of a joint's turn and of a motor's turn that gears and encoders are known for.
+#: Multiples of a joint's turn and of a motor's turn that are typical of gears and encoders.
 TURN_MULTIPLES = (1.0, 2.0)
-#: An order must run through this share of a cycle, or it is a constant and a slope.
+#: The travel must cover this fraction of a cycle, or the order looks like a constant and a slope.
 LEAST_CYCLES = 0.75
-#: Orders closer than this share of a cycle over the travel are one start: their fits end alike.
+#: Orders closer than this fraction of a cycle over the travel count as one start: their fits agree.
 SAME_CYCLES = 0.25
 
 
@@ -34,13 +34,13 @@ def order_starts(
 ) -> tuple[dict[str, float], ...]:
     """Starting values `{"order": k}`: peaks of the residual first, then multiples of joint and motor turns.
 
-    Orders that the travel does not run through, or that the sampling cannot follow at the slow speed, are
-    left out; when none is left, one cycle over the travel is tried.
+    Orders that the travel does not cover, or that the sampling cannot resolve at the slow speed, are omitted;
+    if none remains, one cycle over the travel is tried.
 
     Args:
         extent: what the recording covers.
         parameter: the order, for its bounds.
-        fixed: further values that every start shall carry.
+        fixed: further values included in every start.
     """
     travel = max(extent.position[1] - extent.position[0], 1e-9)
     turns = [ratio * k for ratio in (1.0, extent.gear_ratio) for k in TURN_MULTIPLES]
@@ -50,7 +50,7 @@ def order_starts(
 
 
 def _distinct(orders: Iterable[float], extent: Extent, parameter: Parameter, travel: float) -> list[float]:
-    """Those that can be seen, without near repetitions, in the given order."""
+    """The observable orders, without near duplicates, in the given sequence."""
     cycle = 2 * math.pi / travel
     step = max(extent.slow * extent.sample_time, 1e-12)
     highest = min(parameter.upper, math.pi / step)

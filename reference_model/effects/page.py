@@ -1,6 +1,6 @@
-"""The catalogue page, written from the effects themselves.
+"""The catalogue page, generated from the effect classes.
 
-``python -m reference_model.effects.page [PATH]`` writes it to PATH, `docs/effects.md` when left out.
+``python -m reference_model.effects.page [PATH]`` writes it to PATH, default `docs/effects.md`.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ WITHOUT_GYROS = ", and where there is none in the torques"
 
 _HEAD = """# Effects
 
-What a simulation of a robot can leave out. Written from the effects' own
-classes by `python -m reference_model.effects.page`; do not edit it by hand.
+The physics that a robot simulation may lack. Generated from the effect classes
+by `python -m reference_model.effects.page`; do not edit it by hand.
 
 A robot file lists an effect as
 
@@ -49,10 +49,10 @@ at = "joint1"
 torque = 4.0
 ```
 
-Units are those of a revolute joint. On a prismatic joint read N for N m and m for rad. `channel` stands for
-the unit of the channel a sensor effect sits at. `q`, `qd` are position and velocity of the joint, T is what
-is added to the force on it, and sgn is smoothed over the speed that counts as standstill. "Estimated" tells
-whether a diagnosis fits the parameter; the others stay at their default unless a robot file sets them.
+Units are those of a revolute joint. For a prismatic joint read N for N m and m for rad. `channel` stands for
+the unit of the channel of a sensor effect. `q`, `qd` are position and velocity of the joint, T is the force
+added to it, and sgn is smoothed over the speed that counts as standstill. "Estimated" states whether a
+diagnosis fits the parameter; the others stay at their default unless a robot file sets them.
 Pictures are of simulations of small robots without and with the effect, by
 `python -m benchmarks.signatures.pictures`; robots and values are in `benchmarks/signatures/cases.py`.
 `missing-physics effects ID` shows the same of one effect in the terminal, `--out FILE.html` as a page.
@@ -60,12 +60,12 @@ Pictures are of simulations of small robots without and with the effect, by
 
 
 def catalogue_page() -> str:
-    """The whole page as Markdown."""
+    """The complete page as Markdown."""
     return "\n".join([_HEAD, *_contents(), *(line for p in PLACES for line in _place(p))]).rstrip() + "\n"
 
 
 def range_of(parameter: Parameter) -> str:
-    """`lower to upper`, in few digits."""
+    """`lower to upper`, rounded."""
     return f"{parameter.lower:g} to {parameter.upper:g}"
 
 
@@ -92,14 +92,14 @@ def _place(place: str) -> Iterator[str]:
 
 
 def picture_of(effect: Effect) -> Path | None:
-    """The SVG file of an effect of this package, which has one of each of its own; None of any other."""
+    """The SVG file of an effect of this package, which all have one; None for any other effect."""
     ours = type(effect).__module__.startswith(f"{package.__name__}.")
     return PICTURES / f"{effect.id}.svg" if ours else None
 
 
 def facts(effect: Effect) -> Mapping[str, str]:
-    """What is said of an effect beside its equation and parameters, by a heading each; none is empty."""
-    said = {
+    """Facts about an effect besides equation and parameters, heading to text; none is empty."""
+    entries = {
         "shows as": effect.signature,
         "confused with": ", ".join(effect.confused_with) or "nothing known",
         "to tell apart": effect.experiment,
@@ -108,11 +108,11 @@ def facts(effect: Effect) -> Mapping[str, str]:
         "comes on top of": " or ".join(effect.builds_on),
         "source": effect.source,
     }
-    return {heading: text for heading, text in said.items() if text}
+    return {heading: text for heading, text in entries.items() if text}
 
 
 def _in_a_diagnosis(effect: Effect) -> str:
-    """Where it is searched for, if not in the torques along a motion; empty where it is there."""
+    """Where a diagnosis searches for it, if not in torques along a motion; else empty."""
     if effect.turns_base:
         return IN_GYROS + (WITHOUT_GYROS if effect.is_searched else "")
     return "" if effect.is_searched else NOT_SEARCHED

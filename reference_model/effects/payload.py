@@ -1,4 +1,4 @@
-"""Payload: a point mass that the description does not know of."""
+"""Payload: a point mass that the description lacks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Payload(BodyEffect):
 
     On a flexible link it is fixed to the node nearest to r, and moves with it.
 
-    Mass and place are estimated together. `inertia` holds it as a special case.
+    Mass and position are estimated together. It is a special case of `inertia`.
     """
 
     id = "payload"
@@ -39,14 +39,14 @@ class Payload(BodyEffect):
     )
     equation = "adds mass m, first moment m r, inertia m (r.r 1 - r r^T), r = (x, y, z)"
     source = "Khalil and Dombre, Modeling, Identification and Control of Robots (2002), ch. 12"
-    signature = "residuals with the accelerations and with gravity of all joints that carry the link"
+    signature = "residuals that follow acceleration and gravity at all joints that carry the link"
     confused_with = ("inertia", "torque_gain", "load_dependent_friction", "gravity")
     experiment = "repeat the motion with the payload taken off, and hold poses of different gravity load"
     needs = ("torque",)
     essential = ("mass",)
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """At the frame's origin; a diagnosis that knows the link begins at its tip."""
+        """At the frame's origin; a diagnosis that knows the link starts at its tip."""
         return ({"x": 0.0, "y": 0.0, "z": 0.0},)
 
     def terms(self, p: Values) -> BodyTerms:

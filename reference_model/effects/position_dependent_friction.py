@@ -27,15 +27,13 @@ class PositionDependentFriction(JointEffect):
     parameters = (
         Parameter("cosine", "N m", "amplitude of the cosine part", -1e5, 1e5, 1.0, absent=0.0, linear=True),
         Parameter("sine", "N m", "amplitude of the sine part", -1e5, 1e5, 1.0, absent=0.0, linear=True),
-        order_parameter(
-            "radians of the cycle per radian of the joint; the gear ratio is once per motor turn"
-        ),
+        order_parameter("phase of the cycle per joint position; the gear ratio means once per motor turn"),
     )
     equation = "T = -(cosine * cos(order * q) + sine * sin(order * q)) * sgn(qd)"
     source = (
         "Armstrong, Control of Machines with Friction (1991); Tuttle and Seering, IEEE T-RA 12 (1996) 368-374"
     )
-    signature = "peaks at fixed orders of the angle whatever the speed; the sign turns with the direction"
+    signature = "peaks at fixed orders of the angle at any speed; the sign changes with the direction"
     confused_with = ("torque_ripple", "encoder_eccentricity", "gravity", "load_dependent_friction")
     experiment = "long runs at one speed both ways: odd in direction is friction, even is cogging"
     builds_on = ("coulomb_friction", "stribeck_friction", "lugre_friction")

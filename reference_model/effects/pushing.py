@@ -1,4 +1,4 @@
-"""What an effect that pushes on a body does along a known motion of that body."""
+"""Wrench of a force effect along a known motion of its body."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BodySeries:
-    """How a rigid body moves, N samples.
+    """Motion of a rigid body, N samples.
 
     Attributes:
         time: [s], shape (N,).
@@ -44,11 +44,11 @@ class BodySeries:
 
 
 class ForceAlong:
-    """An effect at a rigid body, along a motion of the body that is known.
+    """A force effect at a rigid body, along a known motion of the body.
 
     Args:
         effect: catalogue entry; its equations are built once for each place of a base and kept.
-        robot: of which the body is a part.
+        robot: to which the body belongs.
     """
 
     def __init__(self, effect: ForceEffect, robot: Robot) -> None:
@@ -59,7 +59,7 @@ class ForceAlong:
     def wrench(self, signals: BodySeries, parameters: Mapping[str, float]) -> Array:
         """[force; moment] on the body about its frame's origin, body axes [N, N m], shape (N, 6).
 
-        States of the effect are integrated by the classical Runge-Kutta method, signals linear between
+        States of the effect are integrated by the classical Runge-Kutta method, with signals linear between
         samples.
         """
         p = {**self.effect.defaults(), **parameters}
@@ -76,7 +76,7 @@ class ForceAlong:
         return np.asarray(self._force(rows, states, constants)[0])
 
     def slopes(self, signals: BodySeries, parameters: Mapping[str, float], names: Sequence[str]) -> Array:
-        """Derivatives of the wrench of an effect without states by parameters, shape (N, 6, P)."""
+        """Derivatives of the wrench with respect to parameters, for an effect without states, (N, 6, P)."""
         p = {**self.effect.defaults(), **parameters}
         constants = self._constants(p)
         flat = self._slopes(signals.rows, np.zeros((len(signals.time), 0)), constants)[0]
@@ -89,9 +89,9 @@ class ForceAlong:
 
 @lru_cache(maxsize=16)
 def _formulas(effect: ForceEffect, home: tuple[float, ...]) -> tuple[Batched, Batched, ca.Function]:
-    """Of a row, states and constants: the wrench, and its derivatives by the constants.
+    """Functions of row, states and constants: the wrench, and its derivatives with respect to constants.
 
-    And of a state, the rows at both ends and constants: the state one interval later.
+    The third is a function of state, rows at both ends and constants: the state one interval later.
     """
     count = len(effect.parameters)
     row, states, constants = ca.SX.sym("s", 19), ca.SX.sym("z", effect.states), ca.SX.sym("c", count)

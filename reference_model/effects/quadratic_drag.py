@@ -1,4 +1,4 @@
-"""Quadratic drag: a fluid that is pushed aside, in proportion to the square of the speed."""
+"""Quadratic drag: resistance of a fluid, proportional to the square of the speed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class QuadraticDrag(JointEffect):
         Parameter(
             "coefficient",
             "N m s^2/rad^2",
-            "drag torque per squared speed",
+            "drag torque per speed squared",
             0.0,
             1e5,
             1.0,

@@ -1,4 +1,4 @@
-"""Reaction wheels: momentum on board the base that the description does not know of."""
+"""Reaction wheels: angular momentum on board the base that the description lacks."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ def _per_axis(name: str, unit: str, meaning: str, bound: float, typical: float) 
 class ReactionWheel(ForceEffect):
     """Three wheels that spin about the base's axes, with momentum h, motor torque and drag.
 
-    h is each rotor's whole momentum about its own axis, so that it changes by motor torque and drag alone,
-    and the description's base is without the rotors' inertia about these axes. A wheel whose mass centre is
-    off its axis shakes the base at its speed h/rotor_inertia.
+    h is each rotor's total momentum about its own axis, so that it changes only by motor torque and drag, and
+    the described base excludes the rotors' inertia about these axes. A wheel whose mass centre is off its
+    axis shakes the base at its speed h/rotor_inertia.
     """
 
     id = "reaction_wheel"
     title = "Reaction wheels"
     place = "base"
     parameters = (
-        *_per_axis("momentum", "N m s", "momentum at time 0 of the wheel along the base's", 1e4, 1.0),
-        *_per_axis("torque", "N m", "of the motor on the wheel along the base's", 1e3, 0.01),
+        *_per_axis("momentum", "N m s", "momentum at time 0 of the wheel about the base's", 1e4, 1.0),
+        *_per_axis("torque", "N m", "motor torque on the wheel about the base's", 1e3, 0.01),
         Parameter(
             "drag",
             "1/s",
-            "rate at which an unpowered wheel slows down",
+            "decay rate of an unpowered wheel's speed",
             0.0,
             10.0,
             1e-3,
@@ -85,19 +85,20 @@ class ReactionWheel(ForceEffect):
     )
     source = "Hughes, Spacecraft Attitude Dynamics (1986), sec. 3.4 and 6.1 (gyrostats)"
     signature = (
-        "the base turns about an axis across its own rate whenever the arm turns it, with no torque at a "
-        "joint; lines at the wheels' speeds in the base's accelerations"
+        "whenever the arm turns the base, it also turns about an axis perpendicular to its rate, with no "
+        "torque at a joint; lines at the wheels' speeds in the base's accelerations"
     )
     confused_with = ("inertia", "base_motion", "external_torque", "slosh")
     experiment = (
-        "turn the base about three axes in turn: the extra rate is across both; change the wheel speed"
+        "turn the base about three axes one by one: the extra rate is perpendicular to the turn and to the "
+        "wheel's axis; change the wheel speed"
     )
     needs = ("angular_velocity",)
     states = 6
     along_base = True
 
     def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
-        """How wheels slow down by themselves hardly shows at joints."""
+        """Drag of the wheels is hardly observable at joints."""
         return {"drag": (0.0, 0.0)}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
@@ -124,7 +125,7 @@ class ReactionWheel(ForceEffect):
         return ca.vertcat(*(p[f"torque_{axis}"] for axis in AXES)) - p["drag"] * momentum
 
     def _shaking(self, p: Values, momentum: ca.SX, phase: ca.SX) -> ca.SX:
-        """Of wheel i along the next two axes in turn."""
+        """Imbalance force of wheel i along the next two axes."""
         force = ca.SX(3, 1)
         for i in range(3):
             size = p["imbalance"] * (momentum[i] / p["rotor_inertia"]) ** 2

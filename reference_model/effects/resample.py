@@ -1,4 +1,4 @@
-"""A sampled signal between its samples, for sensor effects that shift time."""
+"""Interpolation of a sampled signal, for sensor effects that shift time."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ __all__ = ["value_at"]
 def value_at(
     time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """`values`, sampled at `time`, read at `instants`; held at the first and last sample beyond them.
+    """`values`, sampled at `time`, interpolated at `instants`; constant beyond the first and last sample.
 
     A monotone cubic (PCHIP) is used: it does not overshoot where a signal jumps, as a torque with dry
-    friction does. Missing values (NaN) are passed over; with fewer than two left, `values` come back.
+    friction does. Missing values (NaN) are skipped; with fewer than two others, `values` are returned.
 
     Args:
-        time: rising, shape (N,) [s].
+        time: increasing, shape (N,) [s].
         values: shape (N,), in the channel's unit.
         instants: shape (M,) [s].
     """

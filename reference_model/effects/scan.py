@@ -1,4 +1,4 @@
-"""Running a step function along a series, each result being the next one's start."""
+"""Repeated application of a step function along a series, from each result to the next."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Array = NDArray[np.float64]
 
 #: Steps per call of a chain that cannot fail.
 BLOCK = 256
-#: Steps per try of the easy way, and of the sure way where that fails; the latter doubles while it does.
+#: Steps per attempt of the cheap function, and of the safe one where it fails; the latter doubles meanwhile.
 TRY, DETOUR = 64, 8
 
 
 class Scan:
     """A chain x_{i+1} = step(x_i, row_i, row_{i+1}, constants).
 
-    A function runs as compiled C, with the same results, from the call on in which its steps pass
-    `compiled.EARNS_AFTER`, where that is possible.
+    Once its steps exceed `compiled.EARNS_AFTER`, a function runs as compiled C where possible, with the same
+    results.
 
     Args:
         step: function of the four columns above, giving the next x; all dense.
-        easy: a cheaper function of the same, giving the next x and whether it holds (1) or has to be found
-            by `step` (anything else). It is tried first.
+        easy: a cheaper function of the same arguments, giving the next x and whether it is valid (1) or has
+            to be computed by `step` (anything else). It is tried first.
     """
 
     def __init__(self, step: ca.Function, easy: ca.Function | None = None) -> None:
@@ -60,18 +60,18 @@ class Scan:
 
 
 class _Earning:
-    """A step with its chains of several lengths, compiled once it has taken so many that this pays."""
+    """A step with its chains of several lengths, compiled once the number of steps justifies it."""
 
     def __init__(self, step: ca.Function, sizes: list[int]) -> None:
         self._step, self._sizes, self._taken = step, sizes, 0
-        self._decided = not step.is_a("SXFunction")  # others call into CasADi's own solvers and splines
+        self._decided = not step.is_a("SXFunction")  # other functions call CasADi's own solvers and splines
         self.chains = dict(zip(sizes, self._chained(step)))
 
     def _chained(self, step: ca.Function) -> list[ca.Function]:
         return [step.mapaccum(f"chain{size}", size) for size in self._sizes]
 
     def take(self, steps: int) -> None:
-        """Count steps that come now or were made."""
+        """Count steps that follow or were made."""
         self._taken += steps
         if self._decided or self._taken < EARNS_AFTER:
             return
@@ -87,7 +87,7 @@ class _Chain:
         self._size, self._state = size, np.zeros(state)
         self._begin, self._end = np.zeros((size, row)), np.zeros((size, row))
         self._fixed, self._found = np.tile(constants, (size, 1)), np.zeros((size, state))
-        #: Whether each step of the last call holds (1).
+        #: Whether each step of the last call is valid (1).
         self.holds = np.ones(size)
         self._buffer, self._run = function.buffer()
         for k, array in enumerate((self._state, self._begin, self._end, self._fixed)):
@@ -96,7 +96,7 @@ class _Chain:
             self._buffer.set_res(k, memoryview(array))  # type: ignore[call-arg, arg-type]
 
     def __call__(self, rows: Array, result: Array, at: int) -> int:
-        """Fill `result` after row `at`; how many rows were filled."""
+        """Fill `result` after row `at`; returns the number of rows filled."""
         count = min(self._size, len(rows) - 1 - at)
         self._state[:] = result[at]
         self._begin[:count] = rows[at : at + count]

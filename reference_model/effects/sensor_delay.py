@@ -21,8 +21,17 @@ class SensorDelay(SensorEffect):
     title = "Sensor delay"
     searched_in = frozenset({"position", "angular_velocity"})
     parameters = (
-        # Negative: the other channels of the recording are the late ones.
-        Parameter("delay", "s", "how late the channel is", -0.1, 0.5, 2e-3, absent=0.0, linear=True),
+        # Negative: the other channels of the recording are late.
+        Parameter(
+            "delay",
+            "s",
+            "delay of the channel relative to the others",
+            -0.1,
+            0.5,
+            2e-3,
+            absent=0.0,
+            linear=True,
+        ),
     )
     equation = "measured(t) = true(t - delay)"
     source = (

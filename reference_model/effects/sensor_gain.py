@@ -1,4 +1,4 @@
-"""Sensor gain: a channel says a fixed share too much."""
+"""Sensor gain: a channel is scaled by a constant factor."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SensorGain(SensorEffect):
     )
     equation = "measured = (1 + gain_error) * true"
     source = "Doebelin, Measurement Systems: Application and Design (1990), ch. 3 (static sensitivity)"
-    signature = "an error in proportion to the channel in every regime"
+    signature = "an error proportional to the channel in every regime"
     confused_with = ("torque_gain", "inertia", "payload", "joint_elasticity")
     experiment = "a known value to compare with: a weight on a lever, a mechanical stop, a second encoder"
 

@@ -1,4 +1,4 @@
-"""Sensor offset: a channel says the same amount too much everywhere."""
+"""Sensor offset: a constant is added to a channel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What effects may depend on, as CasADi expressions."""
+"""Signals on which effects may depend, as CasADi expressions."""
 
 from __future__ import annotations
 
@@ -12,24 +12,23 @@ __all__ = ["GearSignals", "JointSignals", "SensorSignals", "smooth_sign"]
 
 @dataclass(frozen=True)
 class JointSignals:
-    """What an effect at a joint may depend on. Down to the temperature all are scalar CasADi
-    expressions.
+    """Signals on which an effect at a joint may depend; down to the temperature scalar CasADi expressions.
 
     Attributes:
         time: [s].
         position, velocity, acceleration: of the joint coordinate [rad or m, and per s, s^2].
         torque: actuator torque at the joint as commanded or measured [N m or N].
-        friction: sum of the friction laws of this joint (what modifiers multiply) [N m or N].
+        friction: sum of the friction laws of this joint, which modifiers multiply [N m or N].
         radial_force, axial_force: bearing load [N].
         bending_moment: bearing load [N m].
-        radial_sum: what the radial arm multiplies, the forces in the joint's bearings together [N].
+        radial_sum: sum of the forces in the joint's bearings, which the radial arm multiplies [N].
         temperature: of the joint [K].
         gear_ratio: motor turns per joint turn.
         bearing_arms: radial and axial arm [m]; see `robot_model.Bearing`.
         transition: speed over which a discontinuous law is smoothed [rad/s or m/s].
-        direction: the sign of the velocity where it is decided otherwise than by smoothing [-].
-        thermal_rates: relative fall of static and of kinetic friction per kelvin [1/K].
-        reference_temperature: at which friction is as its effects say [K].
+        direction: the sign of the velocity where it is not determined by smoothing [-].
+        thermal_rates: relative decrease of static and of kinetic friction per kelvin [1/K].
+        reference_temperature: at which friction equals that of its effects [K].
     """
 
     time: ca.SX
@@ -72,12 +71,12 @@ class JointSignals:
 
     @property
     def static_factor(self) -> float | ca.SX:
-        """What the temperature makes of static friction, exp(-rate (T - T0)) [-]."""
+        """Temperature factor of static friction, exp(-rate (T - T0)) [-]."""
         return self._factor(self.thermal_rates[0])
 
     @property
     def kinetic_factor(self) -> float | ca.SX:
-        """The same of kinetic friction [-]."""
+        """The same for kinetic friction [-]."""
         return self._factor(self.thermal_rates[1])
 
     def _factor(self, rate: float) -> float | ca.SX:
@@ -98,9 +97,9 @@ class JointSignals:
         transition: float | ca.SX = 1e-4,
         directed: bool = False,
     ) -> tuple[JointSignals, ca.SX]:
-        """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`.
+        """Signals made of new symbols, and the column of those symbols in the order of `CHANNELS`.
 
-        Where they are `directed`, the direction of motion is a symbol behind them.
+        If `directed`, the direction of motion is a further symbol at the end.
         """
         names = (*cls.CHANNELS, "direction") if directed else cls.CHANNELS
         column = ca.SX.sym("s", len(names))
@@ -110,12 +109,12 @@ class JointSignals:
 
 @dataclass(frozen=True)
 class GearSignals:
-    """What an effect in a gear may depend on: scalar CasADi expressions.
+    """Signals on which an effect in a gear may depend: scalar CasADi expressions.
 
     Attributes:
-        twist: motor position at the joint side of the gear less joint position, less the play [rad or m].
-        rate: of motor less joint [rad/s or m/s].
-        contact: 0 where the flanks are apart, 1 where they are in contact, and between as they settle [-].
+        twist: motor position at the joint side of the gear minus joint position, minus the play [rad or m].
+        rate: velocity of motor minus joint [rad/s or m/s].
+        contact: 0 without contact of the flanks, 1 in contact, in between while contact builds up [-].
     """
 
     twist: ca.SX
@@ -125,7 +124,7 @@ class GearSignals:
 
 @dataclass(frozen=True)
 class SensorSignals:
-    """What a sensor effect may depend on: time [s], the true value and its time derivative."""
+    """Signals on which a sensor effect may depend: time [s], the true value and its time derivative."""
 
     time: ca.SX
     value: ca.SX

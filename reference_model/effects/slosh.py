@@ -1,4 +1,4 @@
-"""Slosh: part of the base's mass is a liquid that moves in its tank."""
+"""Slosh: a fraction of the base's mass is a liquid that moves in its tank."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from robot_model import Base, InputError, Joint, Link, Robot, SprungMass
 
 __all__ = ["Slosh"]
 
-#: Name of the link that the liquid becomes, with a number from the second tank on.
+#: Name of the link that represents the liquid, with a number from the second tank on.
 NAME = "slosh"
 
 #: Highest starting frequency [Hz]: liquids in tanks of decimetres under slight acceleration, or held by
 #: surface tension alone, are slower.
 HIGHEST = 1.5
 
-#: Starting mass, small beside most bases [kg].
+#: Starting mass, small compared with most bases [kg].
 MASS = 1.0
 
 
 class Slosh(StructureEffect):
-    """A mass on springs in the base, alike in all directions, taken out of the base's own mass.
+    """A mass on springs in the base, equal in all directions, taken from the base's own mass.
 
-    With springs at rest mass, centre of mass and inertia are those of the description. It stands for the
-    first mode of a liquid in a tank; a pendulum of the same frequency moves alike while it swings little.
-    It begins at rest at its place. A base that is fixed holds it without noticing.
+    With springs at rest mass, centre of mass and inertia are those of the description. It represents the
+    first mode of a liquid in a tank; a pendulum of the same frequency is equivalent for small amplitudes.
+    It starts at rest at its place. On a fixed base it has no effect.
     """
 
     id = "slosh"
     title = "Fuel slosh"
     place = "base"
     parameters = (
-        Parameter("mass", "kg", "mass that moves", 0.0, 1e4, 5.0, absent=0.0),
+        Parameter("mass", "kg", "moving mass", 0.0, 1e4, 5.0, absent=0.0),
         Parameter("frequency", "1/s", "its natural frequency with the base held", 1e-3, 50.0, 0.3),
         Parameter("damping_ratio", "-", "its damping ratio with the base held", 0.0, 2.0, 0.02, default=0.01),
         *(
@@ -53,11 +53,11 @@ class Slosh(StructureEffect):
     signature = "a slow oscillation of the base after a slew, at a frequency that no link or joint has"
     confused_with = ("link_flexibility", "base_motion", "reaction_wheel", "modal_damping", "inertia")
     experiment = (
-        "stop the arm in other poses: a link's frequency changes with them, the liquid's hardly; empty it"
+        "stop the arm in other poses: a link's frequency changes, the liquid's hardly; empty the tank"
     )
     essential = ("frequency",)
     needs = ("angular_velocity",)
-    #: A tank is within the base, whose frame is about in its middle; liquids of low viscosity in tanks
+    #: A tank is within the base, whose frame is near its middle; liquids of low viscosity in tanks
     #: without baffles have damping ratios of 0.005 to 0.05 (NASA SP-106, ch. 4).
     priors: ClassVar[Mapping[str, tuple[float, float]]] = {
         **dict.fromkeys(("x", "y", "z"), (0.0, 0.5)),
@@ -83,7 +83,7 @@ class Slosh(StructureEffect):
         )
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """Frequencies apart by what a recording tells apart: a quarter of a period over its length."""
+        """Frequencies spaced by the resolution of a recording: a quarter of a period over its length."""
         damping, place = self.parameter("damping_ratio").typical, dict.fromkeys("xyz", 0.0)
         apart = 0.25 / max(extent.duration, 1.0)
         return tuple(
@@ -93,7 +93,7 @@ class Slosh(StructureEffect):
 
 
 def _without(base: Base, mass: float, place: np.ndarray) -> Base:
-    """A free base without a point mass; a fixed one as it is, since its mass does not matter."""
+    """A free base without a point mass; a fixed one unchanged, since its mass does not matter."""
     if base.kind == "fixed":
         return base
     left = base.mass - mass
@@ -112,6 +112,6 @@ def _without(base: Base, mass: float, place: np.ndarray) -> Base:
         return Base.model_validate(given)
     except ValidationError:
         raise InputError(
-            f"the base ({base.mass:g} kg) has no {mass:g} kg at {place.tolist()} to give; lower the mass, or "
+            f"the base ({base.mass:g} kg) cannot lose {mass:g} kg at {place.tolist()}; lower the mass, or "
             "move its place nearer to the base's centre of mass."
         ) from None

@@ -1,7 +1,8 @@
 """One step of an effect's internal states along known signals, as a CasADi expression.
 
-Within a step the signals run linearly from one sample to the next. Bristles are stiff (rates of 1e5 per
-second), so both formulas treat the linear part implicitly and hold a sliding bristle at its moving rest.
+Within a step the signals are linear from one sample to the next. Bristles are stiff (rates of 1e5 per
+second), so both formulas treat the linear part implicitly and keep a sliding bristle at its moving
+equilibrium.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ Rate = Callable[[ca.SX, ca.SX], ca.SX]
 
 #: L-stable choice of the two-stage Rosenbrock method's parameter.
 GAMMA = 1 - 1 / math.sqrt(2)
-#: Below this argument the exponential's divided differences are summed as series, against cancellation;
+#: Below this argument the exponential's divided differences are summed as series, to avoid cancellation;
 #: the term after the last of SERIES_TERMS is then below 1e-15.
 SERIES_BELOW = 0.1
 SERIES_TERMS = 10
 
 
 def step(rate: Rate, z: ca.SX, start: ca.SX, stop: ca.SX, duration: ca.SX) -> ca.SX:
-    """The states after one step; second order, and stable however fast the states are.
+    """The states after one step; second order, and stable for arbitrarily fast states.
 
     Args:
         rate: right-hand side.

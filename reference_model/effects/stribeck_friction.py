@@ -23,20 +23,20 @@ __all__ = [
     "stribeck_velocities",
 ]
 
-#: Where the fall from static to Coulomb friction is looked for, as multiples of the slow speed of a motion.
+#: Starting Stribeck velocities, as multiples of the slow speed of a motion.
 SLOW_MULTIPLES = (0.2, 0.6, 2.0)
-#: And as shares of its highest speed: the range of published fits reaches a third of the rated speed.
+#: And as fractions of its highest speed: published fits reach a third of the rated speed.
 FAST_SHARES = (0.1, 0.3)
-#: Friction at rest over that at high speed at most: boundary friction of about 0.15 falls to some hundredths
-#: where a lubricant carries.
+#: Largest ratio of friction at rest to that at high speed: boundary friction of about 0.15 falls to some
+#: hundredths under full lubrication.
 LARGEST_RATIO = 10.0
 
-#: What makes the level depend on the bearing load W and on the torque; absent unless a robot file gives it.
+#: Dependence of the level on the bearing load W and on the torque; absent unless a robot file gives it.
 LEVEL_SHARES = (
     Parameter(
         "load_coefficient",
         "-",
-        "part of the bearing load that adds to the level at high speed",
+        "fraction of the bearing load that adds to the level at high speed",
         0.0,
         10.0,
         0.1,
@@ -47,7 +47,7 @@ LEVEL_SHARES = (
     Parameter(
         "load_static_coefficient",
         "-",
-        "part of the bearing load that adds to the level near rest; load_coefficient where that is larger",
+        "fraction of the bearing load that adds to the level near rest; load_coefficient if that is larger",
         0.0,
         10.0,
         0.15,
@@ -58,7 +58,7 @@ LEVEL_SHARES = (
     Parameter(
         "gear_share",
         "-",
-        "share of the actuator's torque that adds to the level at any speed",
+        "fraction of the actuator's torque that adds to the level at any speed",
         0.0,
         1.0,
         0.05,
@@ -74,7 +74,7 @@ def stribeck_level(s: JointSignals, p: Values, load: ca.SX) -> ca.SX:
 
     kinetic = Tc + mu_d W + share |u|, static = Ts + mu_s W + share |u|, W the `load` moment and u the
     actuator torque. A preload of the bearing is a constant part: Tc = mu_d W_pre, Ts = mu_s W_pre. At a
-    temperature other than the joint's reference one both have a factor of their own.
+    temperature other than the joint's reference, each has its own factor.
     """
     fall = ca.exp(-((s.velocity / p["stribeck_velocity"]) ** 2))
     kinetic = p["coulomb_torque"] + p["load_coefficient"] * load + p["gear_share"] * ca.fabs(s.torque)
@@ -85,9 +85,9 @@ def stribeck_level(s: JointSignals, p: Values, load: ca.SX) -> ca.SX:
 
 
 def rest_below_sliding(values: Mapping[str, float]) -> str:
-    """What is wrong when friction at rest is given smaller than that of sliding; else empty.
+    """Message if friction at rest is smaller than sliding friction; else empty.
 
-    A load_static_coefficient of zero is one that was left out.
+    A load_static_coefficient of zero counts as omitted.
     """
     for rest, sliding, given in (
         ("static_torque", "coulomb_torque", True),
@@ -102,25 +102,25 @@ def rest_below_sliding(values: Mapping[str, float]) -> str:
 
 
 def stribeck_velocities(extent: Extent, parameter: Parameter) -> tuple[float, ...]:
-    """Starting values of the Stribeck velocity, rising, within the bounds of `parameter`."""
+    """Starting values of the Stribeck velocity, increasing, within the bounds of `parameter`."""
     found = [k * extent.slow for k in SLOW_MULTIPLES] + [k * extent.speed for k in FAST_SHARES]
     return tuple(sorted({min(max(v, parameter.lower), parameter.upper) for v in found}))
 
 
 def static_is_too_large(values: Mapping[str, float]) -> str:
-    """Why a static friction is no contact's beside the kinetic one, in half a sentence; else empty."""
+    """Reason why static friction is implausible given the kinetic one, as half a sentence; else empty."""
     if values["static_torque"] > LARGEST_RATIO * values["coulomb_torque"]:
         return f"its static friction would be more than {LARGEST_RATIO:g} times its kinetic friction"
     return ""
 
 
-def told_velocities(extent: Extent, parameter: Parameter) -> tuple[float, float]:
-    """Bounds of the Stribeck velocity: well below its lowest start no recorded speed tells it."""
+def observable_velocities(extent: Extent, parameter: Parameter) -> tuple[float, float]:
+    """Bounds of the Stribeck velocity: far below its lowest start no recorded speed determines it."""
     return max(0.5 * stribeck_velocities(extent, parameter)[0], parameter.lower), parameter.upper
 
 
 class StribeckFriction(JointEffect):
-    """T = -(Tc + (Ts - Tc) exp(-(qd/vs)^2)) sgn(qd), both with a part of the bearing load if wanted."""
+    """T = -(Tc + (Ts - Tc) exp(-(qd/vs)^2)) sgn(qd), Tc and Ts optionally depending on the bearing load."""
 
     id = "stribeck_friction"
     title = "Stribeck friction"
@@ -163,7 +163,7 @@ class StribeckFriction(JointEffect):
     needs = ("velocity",)
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
-        return {"stribeck_velocity": told_velocities(extent, self.parameter("stribeck_velocity"))}
+        return {"stribeck_velocity": observable_velocities(extent, self.parameter("stribeck_velocity"))}
 
     def implausible(self, values: Mapping[str, float]) -> str:
         if values["static_torque"] <= values["coulomb_torque"]:

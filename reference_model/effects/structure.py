@@ -1,4 +1,4 @@
-"""The interface of effects that change what the robot is: a link that bends, a base that gives way."""
+"""The interface of effects that change the robot's structure: a flexible link, a compliant base."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ __all__ = ["StructureEffect"]
 
 
 class StructureEffect(Effect):
-    """Changes the description of the robot; its controller keeps believing in the one it was given.
+    """Changes the description of the robot; the controller still uses the original one.
 
-    It has no regressors along a recorded motion, since coordinates appear that no joint recording holds; one
-    that only reshapes a link that bends has them along the motion of the link's modes.
+    It has no regressors along a recorded motion, since it adds coordinates that no joint recording holds; an
+    effect that only changes a flexible link has them along the motion of the link's modes.
     """
 
     along_motion = False
-    #: It changes only the constants of a flexible link, all in proportion to its one parameter.
+    #: It changes only the constants of a flexible link, all proportional to its one parameter.
     reshapes: ClassVar[bool] = False
 
-    #: Those of a lower stage are carried out first: what bends at all, then how it does.
+    #: Effects of a lower stage are applied first: which links bend, then how.
     stage: ClassVar[int] = 0
 
     @property
@@ -32,19 +32,19 @@ class StructureEffect(Effect):
         return self.reshapes
 
     def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
-        """Bounds of parameters that this robot makes narrower than the catalogue's."""
+        """Bounds of parameters narrower than the catalogue's for this robot."""
         return {}
 
     @abstractmethod
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
-        """The robot as it is; the very same one where the effect is absent.
+        """The robot with the effect; the same object if the effect is absent.
 
-        Joints with one coordinate stay as they are, and so do all names.
+        Joints with one coordinate and all names are unchanged.
 
         Raises:
             InputError: the robot cannot have the effect there.
         """
 
     def reshaped(self, body: FlexibleBody, p: Mapping[str, float]) -> FlexibleBody:
-        """The constants of the flexible link it sits at, where no description can say what it changes."""
+        """The changed constants of its flexible link, where a description cannot express the change."""
         return body

@@ -21,7 +21,7 @@ class TemperatureDependentFriction(JointEffect):
     title = "Temperature-dependent friction"
     place = "joint"
     parameters = (
-        Parameter("rate", "1/K", "relative fall of friction per kelvin", -0.1, 0.2, 0.02, absent=0.0),
+        Parameter("rate", "1/K", "relative decrease of friction per kelvin", -0.1, 0.2, 0.02, absent=0.0),
         Parameter(
             "reference_temperature",
             "K",

@@ -1,4 +1,4 @@
-"""Torque gain: the actuator delivers a fixed share more or less than commanded."""
+"""Torque gain: the delivered torque differs from the command by a constant factor."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class TorqueGain(JointEffect):
     )
     equation = "T = gain_error * u, u = actuator torque"
     source = "Gautier and Briot, J. Dyn. Sys. Meas. Control 136 (2014), on joint drive gains"
-    signature = "a residual in proportion to the torque in every regime"
+    signature = "a residual proportional to the torque in every regime"
     confused_with = ("inertia", "payload", "viscous_friction", "load_dependent_friction", "sensor_gain")
     experiment = (
         "repeat a motion with a payload of known mass: the gain scales every torque, a wrong inertia only "
-        "those of acceleration"
+        "inertial ones"
     )
     uses_torque = True
     shares_torque = True

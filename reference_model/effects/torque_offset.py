@@ -1,4 +1,4 @@
-"""Torque offset: a constant torque that nobody commanded."""
+"""Torque offset: a constant torque that was not commanded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torque ripple: cogging, and what the commutation adds in proportion to the torque."""
+"""Torque ripple: cogging, and commutation ripple proportional to the torque."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class TorqueRipple(JointEffect):
     """T = (a + a_r u) cos(k q) + (b + b_r u) sin(k q), u the commanded torque.
 
     a, b are cogging, present without current; a_r, b_r are ripple proportional to the torque. All four are
-    linear and can be told apart as soon as the torque varies at one phase of the cycle, for which the two
+    linear and distinguishable as soon as the torque varies at one phase of the cycle, for which the two
     directions of a motion with friction suffice.
     """
 
@@ -30,7 +30,7 @@ class TorqueRipple(JointEffect):
         Parameter(
             "cosine_per_torque",
             "-",
-            "cosine part of the ripple, as a share of the torque",
+            "cosine part of the ripple, relative to the torque",
             -0.5,
             0.5,
             0.02,
@@ -41,7 +41,7 @@ class TorqueRipple(JointEffect):
         Parameter(
             "sine_per_torque",
             "-",
-            "sine part of the ripple, as a share of the torque",
+            "sine part of the ripple, relative to the torque",
             -0.5,
             0.5,
             0.02,
@@ -49,9 +49,7 @@ class TorqueRipple(JointEffect):
             linear=True,
             default=0.0,
         ),
-        order_parameter(
-            "radians of the cycle per radian of the joint; the gear ratio is once per motor turn"
-        ),
+        order_parameter("phase of the cycle per joint position; the gear ratio means once per motor turn"),
     )
     #: Machines and drives leave 1 to 5 % of the torque (Jahns and Soong): within two standard deviations.
     priors: ClassVar[Mapping[str, tuple[float, float]]] = {
@@ -63,7 +61,7 @@ class TorqueRipple(JointEffect):
         "+ (sine + sine_per_torque * u) * sin(order * q), u = actuator torque"
     )
     source = "Holtz and Springob, IEEE TIE 43 (1996) 309-320; Jahns and Soong, IEEE TIE 43 (1996) 321-330"
-    signature = "peaks at fixed orders of the motor angle; the sign does not turn with the direction"
+    signature = "peaks at fixed orders of the motor angle; the sign does not change with the direction"
     confused_with = ("position_dependent_friction", "encoder_eccentricity", "gravity", "cable_spring")
     experiment = "long runs at two speeds and two loads, both ways; cogging stays with the drive switched off"
     uses_torque = True

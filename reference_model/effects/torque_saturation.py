@@ -10,12 +10,12 @@ from reference_model.effects.base import Extent, JointEffect, JointSignals, Para
 
 __all__ = ["TorqueSaturation"]
 
-#: Share of the limit over which the corner of the characteristic is rounded, for derivatives' sake. It
-#: takes ROUNDING * ln 2 = 0.35 % off the torque right at the corner, less than torques are known to.
+#: Fraction of the limit over which the corner of the characteristic is rounded, for smooth derivatives. It
+#: reduces the torque by ROUNDING * ln 2 = 0.35 % at the corner, less than the accuracy of torques.
 ROUNDING = 0.005
 #: Starting values, as multiples of the rms torque: up to the crest factor of a rest-to-rest motion.
 RMS_MULTIPLES = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
-#: A limit below this part of the rms torque would let hardly anything through.
+#: A limit below this fraction of the rms torque would cut off nearly all torque.
 LOWEST_PART = 0.1
 
 
@@ -32,7 +32,7 @@ class TorqueSaturation(JointEffect):
     title = "Torque saturation"
     place = "actuator"
     parameters = (
-        # A limit above every torque that occurs has no influence; the upper bound stands for none at all.
+        # A limit above every torque that occurs has no influence; the upper bound means no limit.
         Parameter("limit", "N m", "largest torque delivered", 1e-3, 1e6, 50.0, absent=1e6),
     )
     equation = "T = clip(u, -limit, limit) - u, u = actuator torque"

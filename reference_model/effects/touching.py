@@ -1,4 +1,4 @@
-"""Where a point of a link runs against a wall, from forces at the joints that nothing explains."""
+"""Candidate walls in contact with a link, located from residual forces at the joints."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ __all__ = ["walls"]
 
 Array = NDArray[np.float64]
 
-#: Most walls that are returned for a link.
+#: Largest number of walls returned for a link.
 MOST = 4
-#: Places of a wall that are tried along its normal, and the least depth as a part of the point's way.
+#: Number of wall positions tried along its normal, and the least depth relative to the point's range.
 PLACES, LEAST = 40, 0.005
-#: Part of a row's largest squared sensitivity to a force that counts as none [-].
+#: Fraction of a row's largest squared sensitivity to a force that counts as zero [-].
 RIDGE = 1e-6
 
 
 @dataclass(frozen=True)
 class _Wall:
-    """A plane, the point that touches it, and the part of the squared forces that it explains."""
+    """A plane, the point in contact, and the fraction of the squared forces that it explains."""
 
     normal: Array
     point: Array
@@ -33,7 +33,7 @@ class _Wall:
 
     @property
     def start(self) -> Mapping[str, float]:
-        """As parameters of a contact."""
+        """Parameters of the `contact` effect."""
         found = {"offset": self.offset}
         for axis, along, place in zip("xyz", self.normal.tolist(), self.point.tolist()):
             found |= {f"normal_{axis}": along, axis: place}
@@ -41,18 +41,18 @@ class _Wall:
 
 
 def walls(sight: BodySight, power: float) -> Sequence[tuple[float, Mapping[str, float]]]:
-    """Walls from which a fit of a contact may begin, best first.
+    """Walls as starting values for the fit of a contact, best first.
 
-    A wall pushes along its normal only. So the force at a point that explains the joints' forces best is
-    estimated at every sample, and planes across its principal direction and across the inertial axes are
-    placed where the depth explains most.
+    A wall pushes along its normal only. So the force at a point that best explains the joints' forces is
+    estimated at every sample, and planes perpendicular to its principal direction and to the inertial axes
+    are placed where the depth explains most.
 
     Args:
-        sight: the link, and what is not explained.
-        power: of the depth, to which the force is proportional.
+        sight: the link, and the residual forces.
+        power: exponent of the depth in the contact force.
 
     Returns:
-        The part of the squared forces that each explains, and its parameters as those of a contact.
+        The fraction of the squared forces that each explains, and its parameters as those of a contact.
     """
     if not sight.left.any():
         return ()
@@ -62,14 +62,14 @@ def walls(sight: BodySight, power: float) -> Sequence[tuple[float, Mapping[str, 
 
 
 def _at(sight: BodySight, point: Array) -> Array:
-    """Forces at the joints of a force at a point in inertial axes, shape (K, n, 3)."""
+    """Joint forces due to a unit force at a point, by component in inertial axes, shape (K, n, 3)."""
     inward = sight.rotation.transpose(0, 2, 1)
     moment = np.cross(point, inward.transpose(0, 2, 1)).transpose(0, 2, 1)  # point x R^T e, by columns
     return np.asarray(sight.spread[:, :, :3] @ inward + sight.spread[:, :, 3:] @ moment)
 
 
 def _across(sight: BodySight, point: Array, power: float) -> Iterator[_Wall]:
-    """The best wall across each direction, for one point."""
+    """The best wall perpendicular to each direction, for one point."""
     spread = _at(sight, point)
     gram = spread.transpose(0, 2, 1) @ spread
     ridge = RIDGE * float(np.abs(gram).max(initial=0.0)) + np.finfo(float).tiny
@@ -92,5 +92,5 @@ def _across(sight: BodySight, point: Array, power: float) -> Iterator[_Wall]:
 
 
 def _height(sight: BodySight, point: Array, normal: Array) -> Array:
-    """Place of the point along the normal [m], shape (K,)."""
+    """Position of the point along the normal [m], shape (K,)."""
     return np.asarray((sight.position + sight.rotation @ point) @ normal)

@@ -1,4 +1,4 @@
-"""Units of an effect's parameters where it sits."""
+"""Units of an effect's parameters at its place."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 __all__ = ["CHANNEL_UNIT", "unit_at"]
 
-#: Stands in a sensor effect's units for the unit of the channel it sits at.
+#: Placeholder in a sensor effect's units for the unit of its channel.
 CHANNEL_UNIT = "channel"
 
 _TORQUE = re.compile(r"\bN m\b(?!\^)")

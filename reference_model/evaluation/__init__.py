@@ -1,1 +1,1 @@
-"""The dynamics of a robot evaluated over whole recordings, or one state at a time."""
+"""The dynamics of a robot evaluated over complete recordings, or one state at a time."""

@@ -1,6 +1,7 @@
-"""Effects at joints that motors of a transmission move, along a motion, in the coordinates of the motors.
+"""Effects at joints moved by motors of a transmission, along a motion, in the coordinates of the motors.
 
-A force on joint j asks motor k for T[j, k] of it; the joint's motion is row j of T times that of the motors.
+A force on joint j loads motor k with T[j, k] times that force; the joint's motion is row j of T times that
+of the motors.
 """
 
 from __future__ import annotations
@@ -50,11 +51,11 @@ class CoupledMotion:
     transition: Array
 
     def row(self, joint: str) -> Array:
-        """Row of T: what the joint's motion is of the drives', shape (n,)."""
+        """Row of T: the joint's motion per motion of each drive, shape (n,)."""
         return np.asarray(self.model.forward[self._place(joint)])
 
     def signals(self, joint: str) -> Array:
-        """Of one joint in the order of `JointSignals.CHANNELS`, friction left at zero, shape (N, 11)."""
+        """Signals of one joint in the order of `JointSignals.CHANNELS`, friction zero, shape (N, 11)."""
         place, row = self._place(joint), self.row(joint)
         moved = [part @ row for part in (self.position, self.velocity, self.acceleration)]
         loads = self.model.joint_loads(self.position, self.velocity, self.acceleration)[:, place]
@@ -72,7 +73,7 @@ class CoupledMotion:
         )
 
     def forces(self, effects: Sequence[UsedEffect]) -> Array:
-        """Forces of effects at joints of transmissions as the motors feel them, shape (N, n) [N m or N]."""
+        """Forces of effects at joints of transmissions, reflected to the motors, shape (N, n) [N m or N]."""
         total = np.zeros_like(self.velocity)
         for joint in coupled_joints(self.model):
             own = [one for one in effects if one.at == joint and isinstance(one.effect, JointEffect)]

@@ -1,7 +1,7 @@
 """The dynamics of a robot in the coordinates of its drives, for robots whose motors move several joints.
 
 With q = T m, the rows of joints in a generalised force become tau_m = T^T tau_q, and a mass matrix T^T Z T.
-What a motor has to give is a row of its own, in which its friction is a function of its own motion.
+The torque required of a motor is a row of its own, in which its friction is a function of its own motion.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def drive_model(robot: Robot) -> RobotModel:
 
 
 class DriveModel(RobotModel):
-    """`RobotModel` of which motions and the joints' rows are those of the drives.
+    """`RobotModel` whose motions and joint rows are those of the drives.
 
     Motors of transmissions have no bearing: their loads are zero, and `joint_loads` has those of the joints.
 

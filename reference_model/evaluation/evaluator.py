@@ -1,4 +1,4 @@
-"""Compiling expressions of a robot and evaluating them over whole recordings."""
+"""Compiles expressions of a robot and evaluates them over complete recordings."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Build = Callable[[SymbolicRobot, ca.SX], list[ca.SX]]
 
 
 class Evaluator:
-    """Checks arrays against a robot and evaluates what a `Build` makes of it; compiled on first use.
+    """Checks arrays against a robot and evaluates the results of a `Build`; compiled on first use.
 
     Args:
         robot: the description.
         tree: of the same robot.
-        inertial: the numbers that hold where none are given, shape (P,).
+        inertial: default inertial parameters, shape (P,).
     """
 
     def __init__(self, robot: Robot, tree: Tree, inertial: Array) -> None:
@@ -52,7 +52,7 @@ class Evaluator:
             build: from the robot in its motion and `extra` to its results.
             motion: position, velocity, acceleration of the one-coordinate joints, shape (N, n) or (n,).
             given: the motion of the base and of inner coordinates, the inertial numbers; None for defaults.
-            extra: what else the results depend on, shape (N, rows) or (rows,).
+            extra: further inputs of `build`, shape (N, rows) or (rows,).
             place: position of the base in the inertial frame [m], shape (N, 3) or (3,).
 
         Raises:

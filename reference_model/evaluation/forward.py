@@ -27,9 +27,9 @@ class ForwardDynamics:
             written into, shape (4 + n,) or (n,).
         velocity: of a free base [linear; angular] in base axes, then the joints, shape (6 + n,) or (n,).
         force: on the joints [N m or N], shape (n,).
-        acceleration: what `evaluate` leaves, base first, shape (6 + n,) or (n,); overwritten every time.
+        acceleration: result of `evaluate`, base first, shape (6 + n,) or (n,); overwritten every time.
         evaluate: reads the first three and fills the last.
-        note: where it runs, and if not as compiled code, why.
+        note: how it runs, and if not as compiled code, why.
 
     Raises:
         InputError: the robot has flexible links or spherical joints.
@@ -72,7 +72,7 @@ def forward_function(robot: Robot, *, constants: bool = True) -> ca.Function:
 
 
 def _packed(robot: Robot) -> ca.Function:
-    """(position, velocity, force) -> accelerations, rows as of `ForwardDynamics`."""
+    """(position, velocity, force) -> accelerations, rows as in `ForwardDynamics`."""
     count, free = len(robot.moving_joints), robot.base.kind == "free"
     head, rates = (4, 6) if free else (0, 0)
     position, velocity = ca.SX.sym("p", head + count), ca.SX.sym("v", rates + count)

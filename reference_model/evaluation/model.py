@@ -1,4 +1,4 @@
-"""`RobotModel`: the dynamics of a robot evaluated over whole recordings."""
+"""`RobotModel`: the dynamics of a robot evaluated over complete recordings."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ class RobotModel:
     origin in base axes; then the joints; then the inner coordinates, three of each spherical joint (about it,
     in the child's axes) and the modal ones.
 
-    `base` is needed for a free base. For a fixed base it may be given too: then the base is carried along
-    that motion, and the result has no rows for it. `inner` is the motion of spherical joints and flexible
-    links; left out, they rest, undeformed. `inertial` replaces the nominal numbers.
+    `base` is needed for a free base. For a fixed base it may be given too: then the base follows that motion,
+    and the result has no rows for it. `inner` is the motion of spherical joints and flexible links; if
+    omitted, they rest, undeformed. `inertial` replaces the nominal inertial parameters.
 
     Args:
         robot: the description.
-        bodies: replaces the constants of the flexible links (their hubs left out), by name.
-        beams: whether the numbers of beams are among the inertial ones, before gravity.
+        bodies: replaces the constants of the flexible links (without their hubs), by name.
+        beams: whether beam parameters are among the inertial ones, before gravity.
 
     Attributes:
         robot: the description.
         joints: names of the one-coordinate joints.
         free_base: the base has six coordinates.
-        inertial_names: names of the P numbers (see `reference_model.dynamics.inertial`).
+        inertial_names: names of the P parameters (see `reference_model.dynamics.inertial`).
         inertial: their nominal values, shape (P,).
         tree: bodies, coordinates and their order.
         evaluate: evaluates any expression of the robot, see `Evaluator`.
@@ -80,7 +80,7 @@ class RobotModel:
         inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
-        """Generalised force that the motion needs [N m or N; base: N, N m], shape (N, rows)."""
+        """Generalised force required by the motion [N m or N; base: N, N m], shape (N, rows)."""
         motion = (position, velocity, acceleration)
         return self.evaluate(outputs.inverse, motion, (base, inner, inertial))[0]
 
@@ -94,10 +94,10 @@ class RobotModel:
         inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
-        """Exact derivative of `inverse_dynamics` by the inertial numbers, shape (N, rows, P).
+        """Exact derivative of `inverse_dynamics` with respect to inertial parameters, shape (N, rows, P).
 
-        The gravity columns hold at the masses of `inertial`, the others at its gravity; so the product with
-        `inertial`, the gravity columns left out, is the inverse dynamics itself.
+        The gravity columns are for the masses of `inertial`, the others for its gravity; so the product with
+        `inertial`, without the gravity columns, is the inverse dynamics itself.
         """
         motion = (position, velocity, acceleration)
         flat = self.evaluate(outputs.regressor, motion, (base, inner, inertial))[0]
@@ -131,7 +131,7 @@ class RobotModel:
         """Force [N] and moment [N m] by the inboard on the outboard body at moving joints, (N, n, 3) each.
 
         About the origin of the child's frame and in the child's axes. The moment along the axis is the
-        joint torque less the rotor's share.
+        joint torque minus that of the rotor.
         """
         motion = (position, velocity, acceleration)
         flat = self.evaluate(outputs.wrenches, motion, (base, inner, inertial))[0]
@@ -150,7 +150,8 @@ class RobotModel:
     ) -> Array:
         """Bearing loads of each moving joint, shape (N, n, 4), in the order of `balance.LOADS`.
 
-        Radial force [N], axial force [N], bending moment [N m], and what the radial arm multiplies [N].
+        Radial force [N], axial force [N], bending moment [N m], and the radial sum of `balance.bearing_load`
+        [N].
         """
         motion = (position, velocity, acceleration)
         flat = self.evaluate(outputs.loads, motion, (base, inner, inertial))[0]
@@ -199,8 +200,8 @@ class RobotModel:
     ) -> tuple[Array, Array]:
         """Z, shape (N, rows, rows), and z, shape (N, rows), of ``-Z ydd + z + f = 0``.
 
-        The slow way to the same dynamics, see `reference_model.dynamics.minimal`. A fixed base that is
-        carried along counts with its accelerations.
+        A slower computation of the same dynamics, see `reference_model.dynamics.minimal`. A fixed base with a
+        prescribed motion enters with its accelerations.
         """
         still = np.zeros_like(np.asarray(position, dtype=float))
         matrix, forces = self.evaluate(outputs.minimal, (position, velocity, still), (base, inner, inertial))
@@ -243,7 +244,7 @@ class RobotModel:
         base_position: ArrayLike | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
-        """Kinetic, gravitational potential and elastic energy together [J], shape (N,); see `energies`."""
+        """Sum of kinetic, gravitational potential and elastic energy [J], shape (N,); see `energies`."""
         parts = self.energies(
             position, velocity, base=base, inner=inner, base_position=base_position, inertial=inertial
         )
@@ -281,7 +282,7 @@ class RobotModel:
         base_position: ArrayLike | None = None,
         inertial: ArrayLike | None = None,
     ) -> NodeMotion:
-        """How a node of a flexible link moves; its tip when `node` is left out.
+        """Motion of a node of a flexible link; of its tip when `node` is omitted.
 
         Raises:
             InputError: the link is rigid or unknown, or has no such node.
@@ -308,7 +309,7 @@ class RobotModel:
         inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> tuple[BodySeries, Array]:
-        """How a rigid link moves, and what wrenches on it do.
+        """Motion of a rigid link, and generalised forces of unit wrenches on it.
 
         Args:
             link: name of the link.
@@ -316,12 +317,12 @@ class RobotModel:
             position, velocity, base, inner, inertial: see the class.
 
         Returns:
-            The motion of its frame; the base stays where the description puts it. And the generalised force
-            of a unit of each component of a wrench [force; moment] about the origin of its frame in its axes,
-            shape (N, rows, 6).
+            The motion of its frame, for a base at its described position; and the generalised force of each
+            unit component of a wrench [force; moment] about the origin of its frame in its axes, shape
+            (N, rows, 6).
 
         Raises:
-            InputError: the link bends or is unknown.
+            InputError: the link is flexible or unknown.
         """
         members = {body.name for body in self.tree.bodies if not body.flexible}
         if link not in members:
@@ -369,13 +370,13 @@ class RobotModel:
         initial: BaseMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> BaseMotion:
-        """The motion of a free base without external wrench, from the joint motion and momentum.
+        """Motion of a free base without external wrench, from joint motion and momentum.
 
         Args:
             time: [s], shape (N,).
             position, velocity, acceleration: of the joints, shape (N, n).
-            initial: its first sample gives attitude and twist at the first instant; left out, the attitude
-                is the description's and the momentum is zero, as after a start from rest.
+            initial: its first sample gives attitude and twist at the first instant; if omitted, the attitude
+                is that of the description and the momentum is zero, as after a start from rest.
             inertial: replaces the nominal numbers.
 
         Raises:
@@ -434,7 +435,7 @@ class RobotModel:
 
 
 def _beside(first: Array, second: Array) -> Array:
-    """Columns side by side; one sample is for all."""
+    """Columns side by side; a single sample is repeated."""
     samples = max((len(array) for array in (first, second) if array.ndim == 2), default=0)
     if not samples:
         return np.concatenate([first, second])

@@ -1,4 +1,4 @@
-"""What each method of `RobotModel` computes, as expressions."""
+"""Results of the methods of `RobotModel`, as expressions."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def inverse(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
 
 
 def regressor(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    """Its derivative by the inertial numbers."""
+    """Derivative of the generalised force with respect to inertial parameters."""
     return [_rows_first(ca.jacobian(robot.inverse_dynamics, robot.inertial))]
 
 
 def jacobians(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    """Its derivatives by the joints' position, velocity and acceleration."""
+    """Derivatives of the generalised force with respect to joint position, velocity and acceleration."""
     motion = robot.motion
     by = (motion.position, motion.velocity, motion.acceleration)
     return [_rows_first(ca.jacobian(robot.inverse_dynamics, variable)) for variable in by]
@@ -49,7 +49,7 @@ def wrenches(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
 
 
 def loads(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    """Loads of their bearings."""
+    """Bearing loads of the one-coordinate joints."""
     return [robot.bearing_loads(robot.joint_wrenches)]
 
 
@@ -81,7 +81,7 @@ def energy(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
 
 
 def body(link: str) -> Callable[[SymbolicRobot, ca.SX], list[ca.SX]]:
-    """How a rigid body moves, and what each component of a wrench at its origin does to all rows."""
+    """Motion of a rigid body, and generalised forces of unit wrench components at its origin."""
 
     def build(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
         state, motion = robot.mechanism.states[robot.tree.index(link)], robot.motion
@@ -94,7 +94,7 @@ def body(link: str) -> Callable[[SymbolicRobot, ca.SX], list[ca.SX]]:
 
 
 def node(link: str, index: int) -> Callable[[SymbolicRobot, ca.SX], list[ca.SX]]:
-    """How a node of a flexible link moves."""
+    """Motion of a node of a flexible link."""
 
     def build(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
         body = robot.tree.index(link)

@@ -1,1 +1,1 @@
-"""Fixed steps: a robot stepped by a loop of the user, or over a whole motion."""
+"""Fixed steps: a robot stepped by a loop of the user, or over a complete motion."""

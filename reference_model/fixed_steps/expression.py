@@ -4,12 +4,12 @@ Bristles follow the velocity within microseconds once a joint slides, far below 
 everything else is slow. So a step is split symmetrically (Strang, SIAM J. Numer. Anal. 5 (1968) 506-517):
 half a step of the effects' states with the mechanism held, a step of the mechanism with those states held,
 and half a step of the states again. The mechanism is stepped by the classical method of Runge and Kutta of
-order four. The states' own step is the closed form wherever their rate is linear in them and none acts on
-another's (``zd = v - s0 |v| z / g`` of LuGre: z+ = z_ss + (z - z_ss) exp(-s0 |v| dt / g)), and beyond that an
+order four. The states' own step is the closed form wherever their rate is linear in them and they are
+uncoupled (``zd = v - s0 |v| z / g`` of LuGre: z+ = z_ss + (z - z_ss) exp(-s0 |v| dt / g)), and otherwise an
 exponential Runge-Kutta step of order two (Cox, Matthews, J. Comp. Phys. 176 (2002) 430-455, equation 22),
-so no step is too long for them.
+so that they do not limit the step.
 
-Order of the whole: four without effect states, two with them.
+Total order: four without effect states, two with them.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _hidden_step(plant: Plant, rows: slice) -> ca.Function:
 
 
 def _slope(plant: Plant, time: ca.SX, state: ca.SX, goal: ca.SX, command: ca.SX, rows: slice) -> ca.SX:
-    """Derivative of each state's rate by the state itself under given loads, which carry little of it."""
+    """Derivative of each state's rate with respect to itself under given loads, which depend little on it."""
     watched = dict(zip(Plant.WATCHED, plant.watch(time, state, goal, command)))
     parts, joints = plant.layout.split(state), plant.layout.joints
     offset = plant.tree.offset

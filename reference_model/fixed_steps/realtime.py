@@ -1,9 +1,9 @@
-"""Running a robot at a fixed step: one compiled function, in a loop of one's own or over a whole motion.
+"""Running a robot at a fixed step: one compiled function, in a user's loop or over a complete motion.
 
 `Stepper` is for a loop in which something else commands the robot: a controller under test, a person, a
 machine. `integrate_fixed` runs the robot under its own controller, for `simulate(..., step=...)`. The step is
 that of `fixed_step`, whose order is four without effect states and two with them. No error is estimated, so a
-step that suits a robot has to be found by halving it.
+suitable step has to be found by halving it.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ __all__ = ["FixedRun", "Stepper", "check_finite", "integrate_fixed", "multiple"]
 
 Array = NDArray[np.float64]
 
-#: Steps in one call of the function that runs many: enough that calling costs nothing, few enough that the
-#: function is made at once.
+#: Steps in one call of the chained function: enough that the call overhead is negligible, few enough that the
+#: function is built quickly.
 BLOCK = 256
 
 
 class Stepper:
-    """A robot that moves on by one step at a time under commands from outside.
+    """A robot that advances one step at a time under external commands.
 
     Args:
-        robot: the description; its reference motion, where it has one, is what `command` follows.
+        robot: the description; `command` follows its reference motion, if any.
         compile_code: run as compiled C where that is possible. Compiling takes seconds the first time.
 
     Attributes:
         layout: the parts of a state (see `Layout.split`).
         commands: rows of a command: joint torques in file order [N m or N] (voltages [V] for a voltage
             servo), after the wrench on the base where the controller holds it.
-        note: where the step runs.
+        note: how the step runs.
     """
 
     def __init__(self, robot: Robot, *, compile_code: bool = True) -> None:
@@ -55,14 +55,14 @@ class Stepper:
         code = compiled(functions) if compile_code else None
         step, law = code.functions if code else functions
         self._step, self._law, self._goal = Single(step), Single(law), Single(self._reference)
-        self.note = code.note if code else "CasADi's own machine"
+        self.note = code.note if code else "CasADi's virtual machine"
 
     def initial(self) -> Array:
-        """The state that the description starts from, shape (rows,)."""
+        """The initial state of the description, shape (rows,)."""
         return self._plant.initial(self._reference)
 
     def command(self, time: float, state: Array) -> Array:
-        """What the robot's own controller commands, shape (commands,)."""
+        """The command of the robot's own controller, shape (commands,)."""
         return self._law(time, state, *(column[:, 0] for column in self._goal(time)))[0][:, 0]
 
     def step(self, time: float, state: Array, command: Array, length: float) -> Array:
@@ -103,7 +103,7 @@ def integrate_fixed(
 
 
 class FixedRun:
-    """A closed loop, made ready to run at fixed steps again and again.
+    """A closed loop, prepared for repeated runs at fixed steps.
 
     Args:
         plant, reference, hold, compile_code: as of `integrate_fixed`.

@@ -8,10 +8,10 @@ own, since the original's equations could not be read), the friction T of a step
 
     T(1) <= T <= T(-1);   T between:  qd + h qdd = 0;   T = T(m):  m (qd + h qdd) >= 0,   m = 1 or -1,
 
-T(m) what the effects of the joint give while it slides in the direction m. A joint that stops is decelerated
-evenly over the step, qdd = -qd/h, and is exactly at rest at its end; a resting one stays exactly where it is.
-The mechanism moves by the classical method of Runge and Kutta. Where a joint stops or breaks away is known to
-within a step, so that the whole is of first order there, and of the fourth in between.
+T(m) the force of the joint's effects while it slides in the direction m. A stopping joint is decelerated
+evenly over the step, qdd = -qd/h, and is exactly at rest at its end; a resting one does not move at all.
+The mechanism is integrated by the classical method of Runge and Kutta. The instant at which a joint stops or
+breaks away is known to within a step, so that the method is of first order there, and of fourth in between.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ __all__ = ["StoppingPlant", "integrate_stopping"]
 
 Array = NDArray[np.float64]
 
-#: How far a stopping force may lie beyond its bound, relative to 1 + the bound: rounding.
+#: Tolerance of a stopping force beyond its bound, relative to 1 + the bound, for rounding.
 PAST_THE_BOUND = 1e-10
 
 
 class StoppingPlant(StickingPlant):
     """A `StickingPlant` whose joints of mode 0 are held at given accelerations.
 
-    The last argument of `rate` and `watch` is the modes and below them those accelerations, 2 n x 1.
+    The last argument of `rate` and `watch` holds the modes, then those accelerations, 2 n x 1.
     """
 
     def __init__(self, robot: Robot, *, work: bool = False, losses: bool = False) -> None:

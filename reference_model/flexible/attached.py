@@ -1,4 +1,4 @@
-"""A flexible body that carries something more at one of its nodes."""
+"""A flexible body with a rigid body added at one of its nodes."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Matrix = NDArray[np.float64]
 
 
 def attached(body: FlexibleBody, node: int, mass: float, arm: Matrix, inertia: Matrix) -> FlexibleBody:
-    """The body with another rigid one fixed to a node: its integrals with one more term in their sums.
+    """The body with a rigid body fixed to a node: its integrals with one more term in their sums.
 
-    The modes stay as they are: they are no longer those of the loaded body, and their mass matrix is no unit
-    matrix. The more modes are kept, the less that matters.
+    The mode shapes are unchanged: they are no longer the modes of the loaded body, and their mass matrix is
+    not a unit matrix. The more modes are kept, the less this matters.
 
     Args:
         body: constants.
         node: index of the node.
-        mass: of what is added [kg]; negative takes away.
+        mass: added mass [kg]; a negative one is removed.
         arm: from the node to its centre of mass, in the link's axes, shape (3,) [m].
         inertia: about its centre of mass, in the link's axes, shape (3, 3) [kg m^2].
     """
@@ -34,7 +34,7 @@ def attached(body: FlexibleBody, node: int, mass: float, arm: Matrix, inertia: M
     place = body.nodes[node] + arm
     across, own = cross_matrices(place), cross_matrices(phi.T)
     turns = cross_matrices(psi.T)
-    # Sum of a a^T over the points that make up the inertia, which turn with the node (see `integrals`).
+    # Sum of a a^T over the points that make up the inertia, which rotate with the node (see `integrals`).
     around = np.trace(inertia) / 2 * np.eye(3) - inertia
     first = around @ np.swapaxes(turns, 1, 2)
     second = turns[:, None] @ first[None]

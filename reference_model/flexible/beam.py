@@ -1,8 +1,8 @@
 """Straight Euler-Bernoulli beams by lumped-mass finite elements.
 
 In the beam's own axes (x along it, y and z the section's principal axes) stretching, torsion and the two
-bending planes do not couple. Each is solved by itself, so that the modes of a symmetric section lie in its
-planes, whatever rounding does to frequencies that are equal.
+bending planes do not couple. Each is solved separately, so that the modes of a symmetric section lie in its
+planes, independent of rounding in equal frequencies.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def _places(family: tuple[int, ...], nodes: int) -> NDArray[np.intp]:
 
 
 def _rigid(family: tuple[int, ...], beam: Beam) -> Matrix:
-    """Rigid motions that a family can make: a shift or a turn, and in a bending plane both."""
+    """Rigid motions of a family: a translation or a rotation, and in a bending plane both."""
     count = beam.elements + 1
     if len(family) == 1:
         return np.ones((count, 1))

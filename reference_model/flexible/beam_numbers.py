@@ -1,4 +1,4 @@
-"""The numbers of a beam as parameters in which the equations of motion are linear, its mode shapes kept."""
+"""Beam parameters in which the equations of motion are linear, with fixed mode shapes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["BEAM_NUMBERS", "POSITIVE", "BeamNumber", "beam_numbers", "beam_with"
 
 Array = NDArray[np.float64]
 
-#: Mass of a beam [kg], its stiffness relative to the description [-], the mass at its tip [kg], and what is
-#: added to the damping ratio of every mode [-].
+#: Mass of a beam [kg], its stiffness relative to the description [-], the mass at its tip [kg], and the
+#: addition to the damping ratio of every mode [-].
 BEAM_NUMBERS = ("beam_mass", "stiffness", "tip_mass", "damping_ratio")
 #: Those of them that are positive.
 POSITIVE = BEAM_NUMBERS[:3]
@@ -41,12 +41,12 @@ HEAVY = (
 
 @dataclass(frozen=True)
 class BeamNumber:
-    """One of the numbers of a beam.
+    """One parameter of a beam.
 
     Attributes:
         name: one of `BEAM_NUMBERS`.
-        value: by the description.
-        change: of the body's constants for one unit more; shapes and frequencies are those of the body.
+        value: in the description.
+        change: of the body's constants per unit; shapes and frequencies are those of the body.
     """
 
     name: str
@@ -55,11 +55,11 @@ class BeamNumber:
 
 
 def beam_numbers(beam: Beam, body: FlexibleBody) -> tuple[BeamNumber, ...]:
-    """The numbers of a beam.
+    """The parameters of a beam.
 
     Args:
         beam: the description.
-        body: its constants, the hub left out.
+        body: its constants without the hub.
     """
     nothing, still = np.zeros(3), np.zeros((3, 3))
     bare = attached(body, body.tip, -beam.tip.mass, nothing, still)
@@ -75,9 +75,9 @@ def beam_numbers(beam: Beam, body: FlexibleBody) -> tuple[BeamNumber, ...]:
 
 
 def _changed(body: FlexibleBody, heavy: dict[str, Any], *, stiff: bool) -> FlexibleBody:
-    """Change of the constants: those in proportion to mass as given, the elastic ones whole or not at all.
+    """Change of the constants: mass-proportional ones as given, elastic ones entirely or not at all.
 
-    Damping ratios stay, so that damping grows with the root of the stiffness.
+    Damping ratios are constant, so that damping grows with the root of the stiffness.
     """
     part = 1.0 if stiff else 0.0
     elastic: dict[str, Any] = {"stiffness": part * body.stiffness, "damping": 0.5 * part * body.damping}
@@ -85,14 +85,14 @@ def _changed(body: FlexibleBody, heavy: dict[str, Any], *, stiff: bool) -> Flexi
 
 
 def _damped(body: FlexibleBody) -> FlexibleBody:
-    """Change of the constants for one more of each damping ratio."""
+    """Change of the constants per unit increase of all damping ratios."""
     nothing: dict[str, Any] = {k: np.zeros_like(getattr(body, k)) for k in HEAVY}
     damping = np.diag(2.0 * body.frequencies)
     return replace(body, stiffness=np.zeros_like(body.stiffness), damping=damping, **nothing)
 
 
 def beam_with(beam: Beam, numbers: dict[str, float]) -> dict[str, object]:
-    """Keys of a beam in the robot file that change with these numbers, by `BEAM_NUMBERS`."""
+    """Values of a beam's keys in the robot file for these parameters, by `BEAM_NUMBERS`."""
     stiff = numbers["stiffness"]
     return {
         "density": beam.density * numbers["beam_mass"] / beam.mass,

@@ -1,4 +1,4 @@
-"""The constants of one flexible link, all that the recursion needs to know of it."""
+"""The constants of one flexible link that the recursion needs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Matrix = NDArray[np.float64]
 #: Bodies whose modes are held in memory at once: more than any one robot has.
 CACHED_BODIES = 64
 
-#: How far from a node a joint may sit, as a part of the body's size.
+#: Tolerated distance of a joint from a node, relative to the body's size.
 NODE_TOLERANCE = 1e-6
 
 
@@ -36,7 +36,7 @@ class FlexibleBody:
     N nodes, s modal coordinates, mass-normalised, in sqrt(kg) m. Mass, first moment and inertia are of the
     undeformed body with its rigid hub and its tip body. With clamped modes the root does not move in the
     link's frame; with free modes the frame is the mean-axis frame, in which it does. E, F, D and h
-    are sums over the points, too, that make up the rotary inertia of a node and turn with it (`integrals`).
+    are also sums over the points that make up the rotary inertia of a node and rotate with it (`integrals`).
 
     Attributes:
         mass: m [kg].
@@ -47,19 +47,19 @@ class FlexibleBody:
         E: sum m rho0~ phi_j~, shape (s, 3, 3) [sqrt(kg) m].
         F: sum m phi_j~ phi_l~, shape (s, s, 3, 3) [-].
         D: sum m phi_j~ Phi, shape (s, 3, s) [-].
-        P: S1 less its share of such points, shape (3, s) [sqrt(kg) m]; zero for lumped masses.
+        P: S1 without the contribution of such points, shape (3, s) [sqrt(kg) m]; zero for lumped masses.
         h: h[l, j] = sum m phi_l x phi_j, shape (s, s, 3) [-].
         modal_mass: unit matrix, shape (s, s).
         stiffness: squares of the frequencies, shape (s, s) [1/s^2].
         damping: shape (s, s) [1/s].
-        frequencies: natural frequencies, rising, shape (s,) [rad/s].
+        frequencies: natural frequencies, increasing, shape (s,) [rad/s].
         nodes: undeformed positions rho0, shape (N, 3) [m].
         translations: Phi of every node, shape (N, 3, s) [1/sqrt(kg)].
         rotations: Psi of every node, shape (N, 3, s) [1/(m sqrt(kg))].
-        node_masses: lumped masses of the nodes, hub left out, shape (N,) [kg].
-        node_inertias: rotary inertias of the nodes, hub left out, shape (N, 3, 3) [kg m^2].
-        root: index of the node that the inboard joint holds.
-        tip: index of the node that tip channels are about.
+        node_masses: lumped masses of the nodes without hub, shape (N,) [kg].
+        node_inertias: rotary inertias of the nodes without hub, shape (N, 3, 3) [kg m^2].
+        root: index of the node at the inboard joint.
+        tip: index of the node of the tip channels.
         strain: strain of each gauge, shape (gauges, s) [1/(m sqrt(kg))].
         axis: unit vector along the beam, shape (3,); None unless the beam stiffens.
         foreshortening: node k moves by -1/2 x^T foreshortening[k] x along `axis`, shape (N, s, s)
@@ -103,7 +103,7 @@ class FlexibleBody:
         return len(self.frequencies)
 
     def without_hub(self, link: Link) -> FlexibleBody:
-        """The same body less the rigid hub of `link`, whose body it is."""
+        """The same body without the rigid hub of its `link`."""
         center = np.asarray(link.center_of_mass)
         arm = cross_matrices(center)
         return replace(
@@ -146,11 +146,11 @@ def flexible_body(link: Link) -> FlexibleBody:
 
 
 def _stamp(file: str) -> tuple[int, int]:
-    """Changes when the file does, so that a cached body is not mistaken for a new one."""
+    """A stamp that changes with the file, so that a cached body is not reused for a changed file."""
     try:
         state = Path(file).stat()
     except (OSError, ValueError):
-        return 0, 0  # the reader will say what is wrong with it
+        return 0, 0  # the reader will report the error
     return state.st_mtime_ns, state.st_size
 
 
@@ -195,9 +195,9 @@ def _modal_body(link: Link, stamp: tuple[int, int]) -> FlexibleBody:
 
 @lru_cache(maxsize=CACHED_BODIES)
 def _sprung_body(link: Link) -> FlexibleBody:
-    """Two nodes at the frame's origin: one that the joint holds, and the mass, with a mode for each axis.
+    """Two nodes at the frame's origin: one at the joint, and the mass, with a mode for each axis.
 
-    With a single point its place rho0 + Phi x is exact, however far it goes.
+    With a single point its position rho0 + Phi x is exact for any displacement.
     """
     sprung = link.sprung
     assert sprung is not None
@@ -226,7 +226,7 @@ def _keep(spec: Beam | ModalBody) -> Keep:
 
 
 def _settled(link: Link, spec: Beam | ModalBody, mesh: Mesh, modes: Modes) -> Modes:
-    """The modes, checked for number and with fixed signs; entries that are rounding become zeros."""
+    """The modes, checked for number and with fixed signs; rounding errors become exact zeros."""
     found = len(modes.squares)
     if spec.modes is not None and found < spec.modes:
         raise InputError(f"link '{link.name}': modes = {spec.modes}, but the body has only {found} of them.")
@@ -296,7 +296,7 @@ def _assembled(
 
 
 def _node_inertias(mesh: Mesh) -> Matrix:
-    """Rotary inertia of each node by itself, zero for nodes without rotations, shape (N, 3, 3) [kg m^2]."""
+    """Rotary inertia of each node, zero for nodes without rotations, shape (N, 3, 3) [kg m^2]."""
     inertias = np.zeros((len(mesh.nodes), 3, 3))
     if mesh.freedoms == ALL_SIX:
         for row in range(3):

@@ -1,4 +1,4 @@
-"""Modes of a body whose mass and stiffness matrices somebody's own finite elements gave."""
+"""Modes of a body whose mass and stiffness matrices come from other finite element software."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["imported_mesh", "imported_modes", "node_rotations"]
 
 Matrix = NDArray[np.float64]
 
-#: Part of its size that rounding leaves of a quantity that should be zero, in files of single precision.
+#: Relative tolerance for quantities that should be zero, allowing for files of single precision.
 SINGLE = 1e-6
 
-#: Lowest over highest frequency squared below which a held body can still move without being deformed.
+#: Lowest over highest frequency squared below which a held body still has a rigid motion.
 LOOSE = 1e-14
 
 #: Neighbours from whose displacements the rotation of a node without rotations is found.
@@ -26,11 +26,11 @@ NEIGHBOURS = 12
 
 
 def imported_mesh(body: ModalBody, where: str) -> Mesh:
-    """The free body of the file, checked to be one.
+    """The body of the file, checked to be a free one.
 
     Args:
         body: names the file and its nodes.
-        where: begins a sentence about it.
+        where: beginning of an error message about it.
 
     Raises:
         InputError: the file cannot be used, a node is out of range, or the body is held already.
@@ -56,9 +56,9 @@ def _weighs_alike(mesh: Mesh, where: str) -> None:
     masses = motions.T @ (mesh.mass @ motions)
     mean = float(np.trace(masses)) / 3
     if np.abs(masses - mean * np.eye(3)).max() > SINGLE * mean:
-        told = ", ".join(f"{value:.6g}" for value in np.diag(masses))
+        along = ", ".join(f"{value:.6g}" for value in np.diag(masses))
         raise InputError(
-            f"{where}: mass moves {told} kg along x, y, z, which must be one and the same mass; give the "
+            f"{where}: mass is {along} kg along x, y, z, which must be one and the same mass; give the "
             "matrix of the free body, its degrees of freedom in the order node by node."
         )
 
@@ -87,8 +87,8 @@ def _begins_at_the_frame(body: ModalBody, mesh: Mesh, where: str) -> None:
 def imported_modes(body: ModalBody, mesh: Mesh, keep: Keep, where: str) -> Modes:
     """Modes of the body clamped at its root nodes, or of the free body, shapes (d N, s).
 
-    Modes of equal frequency are turned among themselves until the first moves the tip along one axis only,
-    so that they are the same in repeated runs.
+    Modes of equal frequency are rotated within their subspace until the first moves the tip along one axis
+    only, so that they are the same in repeated runs.
 
     Raises:
         InputError: the body can still move rigidly when its root nodes are held, or has a mechanism.
@@ -123,7 +123,7 @@ def _rows_of(nodes: tuple[int, ...], freedoms: int) -> NDArray[np.intp]:
 
 
 def _holds(held: Matrix, body: ModalBody, mesh: Mesh, where: str) -> None:
-    """Whether no rigid motion leaves the held degrees of freedom where they are."""
+    """Whether every rigid motion moves a held degree of freedom; raises `InputError` if not."""
     size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     scaled = held / np.array([1, 1, 1, size, size, size])
     if np.linalg.matrix_rank(scaled, tol=SINGLE) < ALL_SIX:
@@ -134,14 +134,14 @@ def _holds(held: Matrix, body: ModalBody, mesh: Mesh, where: str) -> None:
 
 
 def _is_one_piece(modes: Modes, mesh: Mesh, where: str) -> None:
-    """A frequency of zero is a mechanism: a loose node, or parts that hang together nowhere."""
+    """A frequency of zero is a mechanism: a loose node, or unconnected parts."""
     highest = float((mesh.stiffness.diagonal() / mesh.mass.diagonal()).max())
     if len(modes.squares) and modes.squares[0] < LOOSE * highest:
         raise InputError(f"{where}: {LOOSE_PART}")
 
 
 def _oriented(squares: Matrix, shapes: Matrix, tip_row: int) -> Matrix:
-    """Shapes with those of equal frequency turned so that the tip's x, else y, else z fixes the first."""
+    """Shapes, with those of equal frequency rotated so that the tip's x, else y, else z fixes the first."""
     shapes = shapes.copy()
     for group in equal_groups(squares):
         turn = _turn(shapes[tip_row : tip_row + 3, group])
@@ -163,8 +163,8 @@ def _turn(tip: Matrix) -> Matrix:
 def node_rotations(body: ModalBody, mesh: Mesh, shapes: Matrix) -> Matrix:
     """Rotation of every node per modal coordinate, shape (N, 3, s) [1/(m sqrt(kg))].
 
-    A node without rotations turns with its nearest neighbours: the rotation w that fits their displacements
-    w x (r_n - r_k) best, and the smallest one where they are in line. Clamped nodes do not turn.
+    A node without rotations rotates with its nearest neighbours: the rotation w that best fits their
+    displacements w x (r_n - r_k), and the smallest one where they are in line. Clamped nodes do not rotate.
     """
     parts = shapes.reshape(len(mesh.nodes), mesh.freedoms, -1)
     if mesh.freedoms == ALL_SIX:

@@ -1,9 +1,9 @@
 """The constant inertia integrals of a flexible body in its floating frame, from any mass matrix.
 
 With nodal velocities R_t v + R_r(x) w + V x', where the columns of R_t are unit translations and those of
-R_r rotations about the frame's origin of the nodes where they are, the kinetic energy is a quadratic form
-in (v, w, x') whose blocks are linear and quadratic in x: docs/theory.md 2. For a lumped mass matrix
-they are the node sums given there.
+R_r rotations of the displaced nodes about the frame's origin, the kinetic energy is a quadratic form in
+(v, w, x') whose blocks are linear and quadratic in x: docs/theory.md 2. For a lumped mass matrix they are
+the node sums given there.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ __all__ = ["ShapeIntegrals", "axial", "cleaned", "crossed", "scalar_mass", "shap
 
 Matrix = NDArray[np.float64]
 
-#: Entries of an integral below this part of its largest one are rounding; as exact zeros they vanish from
-#: every later expression.
+#: Entries of an integral below this fraction of its largest one are rounding; as exact zeros they vanish
+#: from every later expression.
 ROUNDING = 1e-13
 
 #: Axial vector: a x b = sum over rows and columns of a b^T with these weights, shape (3, 3, 3).
@@ -61,13 +61,13 @@ def shape_integrals(mesh: Mesh, shapes: Matrix) -> ShapeIntegrals:
 
     m, J0, S0 and S1 are exact for any mass matrix. E, F, D and h, the second-order ones, need products of
     displacements that a mass matrix alone does not give: they take the translational mass between two nodes
-    to be the same in all three directions (its mean is taken) and leave aside the coupling of displacements
-    with rotations, which vanishes with the size of the elements. Both are exact for lumped masses and for
-    solid elements. P then follows from S1, so that energy and momentum stay exactly conserved.
+    to be the same in all three directions (its mean is used) and neglect the coupling of displacements with
+    rotations, which vanishes with the size of the elements. Both are exact for lumped masses and for solid
+    elements. P then follows from S1, so that energy and momentum stay exactly conserved.
 
-    A node's rotary inertia J turns with the node, as the points would that make it up: point a of the node
-    moves by psi x a, and the sum of m a a^T over them is tr(J)/2 - J. Lumped masses then have P = 0. Were J
-    kept constant in the link's axes, as in docs/theory.md 2, the gyroscopic moment of a body at the tip would
+    A node's rotary inertia J rotates with the node, like the points that make it up: point a of the node
+    moves by psi x a, and the sum of m a a^T over them is tr(J)/2 - J. Lumped masses then have P = 0. If J
+    were constant in the link's axes, as in docs/theory.md 2, the gyroscopic moment of a body at the tip would
     not bend the link.
     """
     rigid = mesh.mass @ rigid_motions(mesh.nodes, mesh.freedoms)
@@ -123,7 +123,7 @@ def scalar_mass(mesh: Mesh) -> sparse.csr_array:
 
 
 def cleaned(array: Matrix, scale: float | None = None) -> Matrix:
-    """The array with exact zeros where only rounding stood, beside `scale` or its largest entry."""
+    """The array with rounding errors, relative to `scale` or its largest entry, set to exact zeros."""
     largest = float(np.abs(array).max(initial=0.0)) if scale is None else scale
     return np.where(np.abs(array) <= ROUNDING * largest, 0.0, array)
 

@@ -1,4 +1,4 @@
-"""What every flexible body is before its modes are taken: nodes with mass and stiffness matrices."""
+"""A flexible body before its modes are computed: nodes with mass and stiffness matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Natural modes: the lowest solutions of K v = w^2 M v, mass-normalised, with signs that do not vary."""
+"""Natural modes: the lowest solutions of K v = w^2 M v, mass-normalised, with reproducible signs."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ __all__ = [
 
 Matrix = NDArray[np.float64]
 
-#: Up to this many rows a dense solution takes a second or less; beyond it only the lowest are sought.
+#: Up to this many rows a dense solution takes a second or less; beyond it only the lowest are computed.
 DENSE_ROWS = 1500
 
-#: Frequencies squared that differ by less than this part count as equal: rounding of a fine mesh.
+#: Frequencies squared that differ by less than this fraction count as equal: rounding of a fine mesh.
 EQUAL = 1e-6
 
-#: Two amplitudes that differ by less than this part count as equal when the larger one fixes a sign.
+#: Two amplitudes that differ by less than this fraction count as equal when the larger one fixes a sign.
 AS_LARGE = 1e-6
 
 #: Modes beyond those wanted, so that a group of equal frequencies is complete before it is oriented.
 SPARE = 6
 
-#: Part by which a frequency limit is widened, so that rounding does not cut a pair of equal ones.
+#: Fraction by which a frequency limit is widened, so that rounding does not split a pair of equal ones.
 MARGIN = 1e-5
 
-#: What a stiffness of zero means after the rigid motions are gone.
+#: Error message for a stiffness of zero after removal of the rigid motions.
 LOOSE_PART = (
     "a part of the body moves without being deformed; stiffness must leave no motion free but that of the "
     "whole body."
 )
 
-#: Shift that makes a free body's stiffness regular, as a part of its highest eigenvalue: above rounding.
+#: Shift that makes a free body's stiffness regular, relative to its highest eigenvalue: above rounding.
 SHIFT = 1e-10
 
 
@@ -59,7 +59,7 @@ class Keep:
     highest: float | None = None
 
     def select(self, squares: Matrix) -> int:
-        """How many of the rising squares are kept."""
+        """Number of kept modes among the increasing squares."""
         if self.count is not None:
             return self.count
         assert self.highest is not None
@@ -101,7 +101,7 @@ def _full(matrix: Matrix | sparse.csr_array) -> Matrix:
 
 
 def _dense(stiffness: Matrix, mass: Matrix, keep: Keep, rigid: Matrix | None) -> Modes:
-    """In the complement of the rigid motions, where no eigenvalue is zero."""
+    """Modes in the complement of the rigid motions, where no eigenvalue is zero."""
     if rigid is None:
         return _definite(stiffness, mass, keep)
     basis = linalg.qr(mass @ rigid)[0][:, rigid.shape[1] :]
@@ -110,10 +110,10 @@ def _dense(stiffness: Matrix, mass: Matrix, keep: Keep, rigid: Matrix | None) ->
 
 
 def _definite(stiffness: Matrix, mass: Matrix, keep: Keep) -> Modes:
-    """From M v = (1/w^2) K v where few modes are wanted, which keeps rounding beside the lowest small.
+    """Modes from M v = (1/w^2) K v where few are wanted, which keeps rounding errors of the lowest small.
 
-    K v = w^2 M v has errors of the size of rounding beside the highest frequency of the mesh, which with a
-    heavy tip and many elements is a million times the first.
+    K v = w^2 M v has rounding errors relative to the highest frequency of the mesh, which with a heavy tip
+    and many elements is a million times the first.
     """
     rows = len(stiffness)
     wanted = rows if keep.count is None else min(keep.count + SPARE, rows)
@@ -156,8 +156,8 @@ def _by_inverse(
     start = np.linspace(1.0, 2.0, stiffness.shape[0])  # fixed, so that repeated runs agree
     if rigid is None:
         return eigsh(stiffness, count, M=mass, sigma=0.0, v0=start)
-    # A free body's stiffness is singular. It is shifted a little, and the rigid motions are taken out of
-    # whatever the shifted inverse makes, or they would drown the others.
+    # A free body's stiffness is singular. It is shifted a little, and the rigid motions are removed from the
+    # result of the shifted inverse, or they would dominate the others.
     motions = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
     forces = mass @ motions
     shift = -SHIFT * float((stiffness.diagonal() / mass.diagonal()).max())
@@ -173,7 +173,7 @@ def _by_inverse(
 
 
 def sorted_modes(families: Sequence[Modes], keep: Keep) -> Modes:
-    """All modes by rising frequency, those of equal frequency in the order of the families, then cut."""
+    """All modes by increasing frequency, equal ones in the order of the families, then truncated."""
     squares = np.concatenate([modes.squares for modes in families])
     shapes = np.concatenate([modes.shapes for modes in families], axis=1)
     family = np.repeat(np.arange(len(families)), [len(modes.squares) for modes in families])
@@ -185,7 +185,7 @@ def sorted_modes(families: Sequence[Modes], keep: Keep) -> Modes:
 
 
 def equal_groups(squares: Matrix) -> list[slice]:
-    """Runs of two or more of the rising squares that are equal but for rounding."""
+    """Groups of two or more increasing squares that are equal except for rounding."""
     edges = np.flatnonzero(np.diff(squares) > EQUAL * np.abs(squares[1:])) + 1
     starts, stops = [0, *edges], [*edges, len(squares)]
     return [slice(int(a), int(b)) for a, b in zip(starts, stops) if b - a > 1]
@@ -194,8 +194,8 @@ def equal_groups(squares: Matrix) -> list[slice]:
 def with_fixed_signs(shapes: Matrix, freedoms: int, size: float) -> Matrix:
     """Shapes, each with the sign that makes its largest displacement positive.
 
-    Of displacements as large, the last node's decides. A mode without displacements, such as torsion, goes
-    by its rotations.
+    Of equally large displacements, the last node's decides. A mode without displacements, such as torsion,
+    is judged by its rotations.
 
     Args:
         shapes: nodal displacements as columns, shape (freedoms N, s).

@@ -9,14 +9,14 @@ With v = [rd; omega; xd] in body axes the kinetic energy is 1/2 v^T M(x) v, wher
 
 (docs/theory.md 2). The terms with the axis e are those of a beam that stiffens: node k also moves by
 -1/2 x^T B_k x along e, G = sum m_k B_k, W = sum m_k (rho0_k.e) B_k, all nodes on the axis; of their products
-those of third order in x are left out, so that M stays positive definite only while deflections are small
-beside the body. The equations of motion follow from this energy alone, by the Boltzmann-Hamel equations in
-body axes,
+those of third order in x are omitted, so that M stays positive definite only while deflections are small
+compared with the body. The equations of motion follow from this energy alone, by the Boltzmann-Hamel
+equations in body axes,
 
     f_w = -( Mdot v + [ omega x p ; omega x L ; -1/2 d/dx v^T M v ] ),   [p; L; .] = M v,   rd = 0,
 
-(with the inertial acceleration of the origin in the place of d(rd)/dt no term with rd is left), so that
-energy and momentum are conserved exactly, whatever was left out of M. Written out that is
+(with the inertial acceleration of the origin in place of d(rd)/dt no term with rd remains), so that
+energy and momentum are conserved exactly, whatever is neglected in M. Written out that is
 `Deformed.motion_force`.
 """
 
@@ -87,7 +87,7 @@ class Deformed:
         return column if body.foreshortening is None else column + self._shortening(omega, rate)
 
     def _shortening(self, omega: ca.SX, rate: ca.SX) -> ca.SX:
-        """What is not in mc, M13 and J: -dM13/dt xd, -dJ/dt om, and 1/2 d/dx (om^T J om)."""
+        """Terms not in mc, M13 and J: -dM13/dt xd, -dJ/dt om, and 1/2 d/dx (om^T J om)."""
         shape, lever, axis = _shortening_moments(self.body)
         bent, across = lever @ self.modal, skew(axis) @ skew(axis) @ omega
         return ca.vertcat(

@@ -1,4 +1,4 @@
-"""What a beam's shape says between its nodes: strain at gauges, and the shortening that bending causes."""
+"""A beam's shape between its nodes: strain at gauges, and the foreshortening due to bending."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot whose flexible links do not deform: what a controller knows that takes them for rigid."""
+"""A robot whose flexible links do not deform: the model of a controller that assumes rigid links."""
 
 from __future__ import annotations
 

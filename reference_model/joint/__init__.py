@@ -1,1 +1,1 @@
-"""What joints have besides a motor, a bearing and the effects of the catalogue."""
+"""Temperature, losses and clearance of joints."""

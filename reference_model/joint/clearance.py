@@ -1,7 +1,7 @@
 """Contact of a journal with its bearing; see `robot_model.Clearance`.
 
-The speed at which a contact began is a state: while the journal is off the bearing it follows the speed of
-approach within `MEMORY`, and while it presses the state stays.
+The speed at which a contact began is a state: without contact it follows the speed of approach within
+`MEMORY`, and during contact it is constant.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from robot_model.description.loosening import SLIDES
 
 __all__ = ["Bearings"]
 
-#: Time over which the remembered speed follows that of approach [s]: far below the flight between contacts.
+#: Time constant with which the stored speed follows the approach [s]: far below the time between contacts.
 MEMORY = 1e-5
-#: Slowest approach of a contact [m/s]; slower ones are pressed on rather than struck.
+#: Slowest approach of a contact [m/s]; slower ones are not impacts.
 SLOWEST = 1e-3
 #: Keeps the direction of a centred journal definite [m].
 CENTRED = 1e-12
@@ -26,7 +26,7 @@ CENTRED = 1e-12
 
 @dataclass(frozen=True)
 class _Loose:
-    """A loose joint: its place among the moving ones, and those of its slides."""
+    """A joint with clearance: its index among the moving ones, and those of its slides."""
 
     clearance: Clearance
     joint: int
@@ -36,7 +36,7 @@ class _Loose:
 
 @dataclass(frozen=True)
 class _Contact:
-    """Normal and tangential force on the journal [N], and where it presses."""
+    """Normal and tangential force on the journal [N], and the direction of contact."""
 
     normal: ca.SX
     tangential: ca.SX
@@ -46,11 +46,11 @@ class _Contact:
 
 
 class Bearings:
-    """The loose joints of a robot.
+    """The joints of a robot with clearance.
 
     Attributes:
-        states: number of remembered speeds, one for each loose joint.
-        names: of the loose joints.
+        states: number of stored speeds, one for each joint with clearance.
+        names: of these joints.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -83,7 +83,7 @@ class Bearings:
         return total, friction
 
     def normal_forces(self, position: ca.SX, velocity: ca.SX, states: ca.SX) -> ca.SX:
-        """Of each loose joint [N]."""
+        """Normal force of each joint with clearance [N]."""
         found = [
             self._contact(item, position, velocity, states[row]).normal
             for row, item in enumerate(self._loose)

@@ -1,4 +1,4 @@
-"""Power that joints turn into heat: that of friction, and that of the windings' resistance."""
+"""Power dissipated in joints by friction and by the windings' resistance."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ __all__ = ["losses", "winding_gain"]
 
 
 def losses(robot: Robot, friction: ca.SX, velocity: ca.SX, torque: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Of friction, -T_f qd, and of the armatures, R i^2 with i = T/(n k_t) [W], n x 1 each.
+    """Losses of friction, -T_f qd, and of the armatures, R i^2 with i = T/(n k_t) [W], n x 1 each.
 
     Args:
-        robot: the description; an actuator without torque constant or resistance loses nothing in it.
+        robot: the description; an actuator without torque constant or resistance has no armature loss.
         friction: at the joints [N m or N], n x 1.
         velocity: of the joints [rad/s or m/s], n x 1.
         torque: of the drives [N m or N], n x 1.

@@ -12,12 +12,12 @@ from robot_model import ConstantTemperature, Robot, SelfHeating, TemperatureTabl
 
 __all__ = ["AMBIENT_TEMPERATURE", "Temperatures"]
 
-#: Temperature of a joint of which the description says none, 20 degrees Celsius [K].
+#: Default joint temperature, 20 degrees Celsius [K].
 AMBIENT_TEMPERATURE = 293.15
 
 
 class Temperatures:
-    """Of all moving joints of a robot; those that warm themselves are states.
+    """Temperatures of all moving joints of a robot; those with self-heating are states.
 
     Attributes:
         states: number of them, in the order of the joints.
@@ -34,7 +34,7 @@ class Temperatures:
 
         Args:
             time: [s].
-            states: temperatures of the joints that warm themselves [K].
+            states: temperatures of the joints with self-heating [K].
         """
         column = []
         for k, kind in enumerate(self._kinds):

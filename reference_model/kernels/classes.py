@@ -1,8 +1,8 @@
-"""Functions that differ in their constants only, as one function with the constants as an argument.
+"""Functions that differ only in their constants, as one function with the constants as an argument.
 
-Every body of a robot gives an expression graph of its own. Two bodies of a class, say two links on revolute
-joints about y, give the same graph but for the numbers in it. Taken out of the graph, the numbers become one
-more input, and the graph is generated and compiled once.
+Every body of a robot has its own expression graph. Two bodies of a class, such as two links on revolute
+joints about y, have graphs that differ only in their numbers. With the numbers as one more input, the graph
+is generated and compiled once.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["BodyClasses"]
 
 
 class BodyClasses:
-    """Functions by their graphs; each new graph becomes a new function, an old one is used again."""
+    """Functions by their graphs; each new graph becomes a new function, a known one is reused."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], ca.Function] = {}
@@ -41,7 +41,7 @@ class BodyClasses:
 
 
 def _parts(function: ca.Function) -> tuple[tuple[Any, ...], list[float]]:
-    """What tells a class from another, and the constants in the order of the graph."""
+    """The key of a class, and the constants in the order of the graph."""
     steps: list[Any] = [
         *(function.sparsity_in(k).hash() for k in range(function.n_in())),
         *(function.sparsity_out(k).hash() for k in range(function.n_out())),

@@ -3,12 +3,11 @@
 The straight-line code of a long chain has a hundred thousand assignments, outgrows the processor's caches and
 takes minutes to compile. Here the three passes of the articulated-body method (docs/theory.md (21)) are
 functions of one body each, generated once for each class of bodies and called for every body: outwards
-velocities and forces, inwards articulated inertias, outwards accelerations. Numbers of a body are data.
+velocities and forces, inwards articulated inertias, outwards accelerations. Parameters of a body are data.
 
-A short chain is faster in straight line, where zeros and constants of every body are known; see
-`LOOPED_FROM`. Robots whose forces depend on what they cause (friction from bearing loads), with motors that
-move by themselves or several joints, with outer forces on bodies or a held base have no loop and stay in
-straight line.
+A short chain is faster as straight-line code, where zeros and constants of every body are known; see
+`LOOPED_FROM`. Robots with implicit forces (friction from bearing loads), with motors behind elastic gears or
+on several joints, with outer forces on bodies or a held base have no loop and use straight-line code.
 """
 
 from __future__ import annotations
@@ -86,11 +85,11 @@ def _around(plant: Plant) -> tuple[ca.Function, ca.Function]:
 
 @dataclass(frozen=True)
 class _Passed:
-    """Of one body in the loop, between the passes; a part that is constant is None and known to its code.
+    """Data of one body between the passes; a constant part is None and built into the code.
 
     Attributes:
         outward: transfer, bias, hinge, mass matrix, force column.
-        velocity, gravity, modal, rate: what outboard bodies see of it.
+        velocity, gravity, modal, rate: inputs of the outboard bodies.
     """
 
     outward: tuple[ca.MX, ...]
@@ -193,7 +192,7 @@ class _Loop:
 
 
 def _resting(velocity: ca.SX) -> BodyState:
-    """A body seen from itself."""
+    """A body relative to itself."""
     one = ca.SX.eye(6)
     return BodyState(ca.SX(6, 0), one, ca.SX(6, 1), velocity, ca.SX.eye(3), ca.SX(3, 1), one, ca.SX(0, 1))
 
@@ -227,7 +226,7 @@ class _Outward:
 
 
 def _outward(tree: Tree, body: Body, ten: ca.SX) -> _Outward:
-    """Of one body, seen from its inboard body."""
+    """Quantities of one body, relative to its inboard body."""
     parent = replace(tree.bodies[body.parent], modal=0)
     alone = replace(body, parent=0, coordinate=min(body.coordinate, 0), modal=parent.modes)
     velocity, gravity = ca.SX.sym("v", 6 + parent.modes), ca.SX.sym("g", 3)

@@ -1,4 +1,4 @@
-"""Coordinates of joints and of drives as expressions: what a robot's transmissions make of each other.
+"""Coordinates of joints and of drives as expressions, related by a robot's transmissions.
 
 q = T m and tau_m = T^T tau_q, m = C q and tau_q = C^T tau_m (see `robot_model.description.transmission`).
 Without transmissions both sides are the same.
@@ -22,7 +22,7 @@ class Coupling:
         robot: the description.
 
     Attributes:
-        motors: name of each motor of a transmission to its place among the drives.
+        motors: name of each motor of a transmission to its index among the drives.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -39,11 +39,11 @@ class Coupling:
         return drives if self._forward is None else self._forward @ drives
 
     def on_joints(self, force: ca.SX) -> ca.SX:
-        """Forces on the joints that forces on the drives make [N m or N], n x 1."""
+        """Forces on the joints due to forces on the drives [N m or N], n x 1."""
         return force if self._backward is None else self._backward.T @ force
 
     def on_drives(self, force: ca.SX) -> ca.SX:
-        """Forces on the drives that forces on the joints need [N m or N], n x 1."""
+        """Forces on the drives required for forces on the joints [N m or N], n x 1."""
         return force if self._forward is None else self._forward.T @ force
 
     def inertia(self, reflected: ca.SX) -> ca.SX:

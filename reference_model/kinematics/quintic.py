@@ -11,11 +11,11 @@ __all__ = ["between"]
 
 
 def between(ends: Any, length: Any, count: int) -> Callable[[float], tuple[Any, Any, Any]]:
-    """Position, velocity and acceleration as functions of the part of the interval that has passed.
+    """Position, velocity and acceleration as functions of the elapsed fraction of the interval.
 
     Args:
         ends: position, velocity, acceleration at the start, then at the end, 6 n x 1.
-        length: of the interval [s]; one of no length is not divided by.
+        length: of the interval [s]; may be zero.
         count: n.
     """
     q0, v0, a0, q1, v1, a1 = ca.vertsplit(ends, count)

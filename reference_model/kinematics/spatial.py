@@ -1,6 +1,6 @@
 """Rotations and cross products, for CasADi expressions and for arrays.
 
-Columns are 3 x 1. Quaternions are w, x, y, z and turn body components into inertial components.
+Columns are 3 x 1. Quaternions are w, x, y, z and rotate body components into inertial components.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = [
 ROUNDING = 1e-15
 
 #: Rate at which a quaternion's length is pulled back to one [1/s]. The rotation does not depend on the
-#: length, so the value only has to hold rounding and integration error down.
+#: length, so the value only has to suppress rounding and integration errors.
 LENGTH_RATE = 1.0
 
 

@@ -1,1 +1,1 @@
-"""The motion of what no actuator drives: free base, modal coordinates, spherical joints."""
+"""The motion of passive coordinates: free base, modal coordinates, spherical joints."""

@@ -1,4 +1,4 @@
-"""How a base moves, as arrays over time."""
+"""Motion of a base, as arrays over time."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class BaseMotion:
 
     @classmethod
     def at_rest(cls, attitude: NDArray[np.float64], samples: int = 1) -> BaseMotion:
-        """A base that stays where it is; `attitude` has shape (4,)."""
+        """A base at rest; `attitude` has shape (4,)."""
         still = np.zeros((samples, 3))
         return cls(np.tile(attitude, (samples, 1)), still, still, still, still)
 

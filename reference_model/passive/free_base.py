@@ -1,7 +1,7 @@
-"""The motion of a free base that nobody measured: it follows from momentum.
+"""The unmeasured motion of a free base, computed from momentum.
 
-Without an external wrench the linear momentum changes by gravity alone and the angular momentum about the
-centre of mass not at all, whatever the joints' torques, friction and control do. The base's velocity is then
+Without an external wrench only gravity changes the linear momentum, and the angular momentum about the centre
+of mass is constant, whatever the joints' torques, friction and control. The base's velocity is then
 a function of attitude and joint motion, and only the attitude has to be integrated (Umetani, Yoshida, IEEE
 Trans. Robotics and Automation 5 (1989) 303-314).
 """
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 #: Robots whose functions are kept: many motions of one robot are reconstructed one after the other.
 KEPT = 8
 
-#: What a step needs of each of its ends: position, velocity, acceleration of the joints.
+#: Inputs of a step at each of its ends: position, velocity, acceleration of the joints.
 ENDS = 3
 
 
@@ -83,7 +83,7 @@ def _attitudes(robot: Robot, time: Array, joints: Array, start: Array, constants
     steps = len(time) - 1
     blocks = -(-steps // BLOCK)
     padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
-    lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays where it is
+    lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of zero length changes nothing
     elapsed = np.pad(time[:-1] - time[0], (0, blocks * BLOCK - steps), mode="edge") if steps else time[:0]
     march = _march(robot)
     found, attitude = [start[None]], start
@@ -98,7 +98,7 @@ def _attitudes(robot: Robot, time: Array, joints: Array, start: Array, constants
 
 
 def _twist(robot: Robot, elapsed: ca.SX, attitude: ca.SX, q: ca.SX, qd: ca.SX, constants: ca.SX) -> ca.SX:
-    """[linear; angular] velocity of the base in its axes that the momentum demands, 6 x 1.
+    """[linear; angular] velocity of the base in its axes from momentum, 6 x 1.
 
     Momentum is Z_bb v_b + Z_bm qd at the base's origin in base axes; the angular momentum about the centre
     of mass moves there by c x p.
@@ -117,8 +117,8 @@ def _twist(robot: Robot, elapsed: ca.SX, attitude: ca.SX, q: ca.SX, qd: ca.SX, c
 
 @lru_cache(maxsize=KEPT)
 def _march(robot: Robot) -> ca.Function:
-    """So many intervals one after the other: attitude, columns of [elapsed; length], of both ends' joint
-    motion and of constants -> columns of attitudes."""
+    """A chain of intervals: attitude, columns of [elapsed; length], of both ends' joint motion and of
+    constants -> columns of attitudes."""
     return _step(robot).mapaccum(BLOCK)
 
 

@@ -1,4 +1,4 @@
-"""How spherical joints and flexible links move, as arrays over time."""
+"""Motion of spherical joints and flexible links, as arrays over time."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class InnerMotion:
 
 @dataclass(frozen=True)
 class NodeMotion:
-    """How a node of a flexible link moves.
+    """Motion of a node of a flexible link.
 
     Attributes:
         position: in the inertial frame [m], shape (N, 3).

@@ -11,10 +11,10 @@ from reference_model.codegen.compiled import EARNS_AFTER, compiled
 
 __all__ = ["FASTER", "PHASE_STEP", "Marching"]
 
-#: Runge-Kutta steps are so short that the fastest mode turns by less than this in one [rad]: its phase then
-#: errs by 1e-5 of a turn per turn.
+#: Largest phase change of the fastest mode in one Runge-Kutta step [rad]: the phase error is then 1e-5 of a
+#: cycle per cycle.
 PHASE_STEP = 0.3
-#: A mode of a robot that has moved away from its first pose is faster than there by up to about this factor.
+#: A mode may be faster in other poses than in the first one by up to about this factor.
 FASTER = 1.5
 
 
@@ -36,11 +36,11 @@ class Marching:
         self._seen = 0
 
     def over(self, turning: float, steps: int) -> ca.Function:
-        """A block of intervals, in each of which the fastest mode turns by at most `turning` [rad].
+        """A block of intervals, in each of which the phase of the fastest mode changes by at most `turning`.
 
         Args:
-            turning: see above.
-            steps: intervals that will be marched over, by which it is judged whether compiling is worth it.
+            turning: see above [rad].
+            steps: number of intervals to come, which decides whether compiling is worth it.
         """
         parts = max(1, int(np.ceil(turning / PHASE_STEP)))
         self._seen += 4 * parts * steps

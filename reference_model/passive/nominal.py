@@ -1,9 +1,9 @@
-"""The motion of everything that no actuator drives, for a prescribed motion of the joints.
+"""The motion of passive coordinates for a prescribed motion of the joints.
 
 Base (where it is free) and modal coordinates follow from the joints alone: the base's twist from momentum
 (see `free_base`), the modal coordinates from their own equations of motion, in which the joints' motion is a
-known excitation. Nothing that acts at the joints, known or not, changes them: torque, friction and control
-only show in the torque that the motion needs.
+known excitation. Forces at the joints, known or not, do not change them: torque, friction and control only
+appear in the torque required by the motion.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class PassiveMotion:
     Args:
         robot: the description, without spherical joints.
         tree: of the robot, with the constants of its flexible links.
-        numbers: how many inertial numbers there are.
+        numbers: number of inertial parameters.
 
     Raises:
-        InputError: the robot has spherical joints, whose motion no joint recording tells.
+        InputError: the robot has spherical joints, whose motion no joint recording contains.
     """
 
     def __init__(self, robot: Robot, tree: Tree, numbers: int) -> None:
@@ -100,7 +100,7 @@ class PassiveMotion:
         return Motion(q, qd, qdd, **base)
 
     def _twist(self) -> ca.SX:
-        """[linear; angular] velocity of the base in its axes that the momentum demands, 6 x 1."""
+        """[linear; angular] velocity of the base in its axes from momentum, 6 x 1."""
         if not self.free:
             return ca.SX(6, 1)
         numbers = self._constants[6:]
@@ -140,7 +140,7 @@ class PassiveMotion:
         march = self._blocks.over(float(np.diff(time).max()) * fastest, steps)
         blocks = -(-steps // BLOCK)
         padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
-        lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays
+        lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of zero length changes nothing
         elapsed = np.pad(time[:-1] - time[0], (0, blocks * BLOCK - steps), mode="edge")
         found, state = [start[None]], start
         for block in range(blocks):
@@ -153,7 +153,7 @@ class PassiveMotion:
         return np.vstack(found)[: len(time)]
 
     def _fastest(self, state: Array, joints: Array, constants: Array) -> float:
-        """A bound of the natural frequencies [rad/s], from those at a first pose."""
+        """Upper bound of the natural frequencies [rad/s], from those at a first pose."""
         matrix = self._mass(state, joints[: self.count], constants).full()
         count, base = len(self.tree.beam_names), 6 * self.free
         beams = constants[constants.size - 3 - count : constants.size - 3]

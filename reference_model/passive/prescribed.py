@@ -1,10 +1,10 @@
-"""Everything that no actuator drives, of a robot with its effects, for a prescribed motion of the joints.
+"""Passive coordinates of a robot with its effects, for a prescribed motion of the joints.
 
-Base (where it moves), modal coordinates and the states of effects that push on bodies follow from the joints'
-motion alone; so torque, friction, control and all other effects at joints change nothing here but what the
-actuators have to give. This is how effects without regressors along a recorded motion are compared with data:
-the same joint motion, the robot with the effect at trial values, and what gyro, strain gauges, tip and torque
-sensors would say of it.
+Base (where it moves), modal coordinates and the states of force effects on bodies follow from the joints'
+motion alone; torque, friction, control and all other effects at joints only change the required actuator
+torque. Effects without regressors along a recorded motion are compared with data in this way: the same joint
+motion, the robot with the effect at trial values, and the resulting readings of gyro, strain gauges, tip and
+torque sensors.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ Array = NDArray[np.float64]
 def prescribed(
     robot: Robot, time: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike
 ) -> Recording:
-    """What the robot with its effects does while its joints move as prescribed, after a start from rest.
+    """Motion of the robot with its effects for a prescribed joint motion, after a start from rest.
 
-    Of its effects those count that change bodies, gravity or what the robot is, and those that push on
-    bodies. Between samples the joints follow a quintic; the passive coordinates are integrated by the
+    Included are effects that change bodies, gravity or structure, and force effects on bodies.
+    Between samples the joints follow a quintic; the passive coordinates are integrated by the
     classical Runge-Kutta method of order four with steps that follow the fastest mode.
 
     Args:
@@ -49,8 +49,8 @@ def prescribed(
 
     Returns:
         True channels, named as those of `simulation.simulate`: per joint `position`, `velocity`,
-        `acceleration` and `torque`, the one that actuator and effects at the joint must give together; of a
-        base that moves `base.*`; of flexible links `tip_deflection`, `tip_acceleration`, `strain.N`,
+        `acceleration` and `torque`, the required sum of actuator and joint effects; for a moving base
+        `base.*`; for flexible links `tip_deflection`, `tip_acceleration`, `strain.N`,
         `modal_coordinate.N`; `robot.energy` and momenta.
 
     Raises:
@@ -174,7 +174,7 @@ class _Passive:
         return found
 
     def _start(self, joints: Array) -> Array:
-        """Undeformed; a base that floats by description has the twist of no momentum in its bodies."""
+        """Undeformed; a base described as floating has the twist at which its bodies have no momentum."""
         state = np.zeros(self.edges[-1])
         robot = self.truth.robot
         if self.free:
@@ -198,7 +198,7 @@ class _Passive:
         ends = np.pad(np.hstack([joints[:-1], joints[1:]]), ((0, padding), (0, 0)), mode="edge")
         spans = np.column_stack([time[:-1], np.diff(time)])
         spans = np.pad(spans, ((0, padding), (0, 0)))
-        spans[steps:, 0] = time[-1]  # a step of no length stays
+        spans[steps:, 0] = time[-1]  # a step of zero length changes nothing
         for first in range(0, steps, BLOCK):
             rows = slice(first, first + BLOCK)
             found.append(march(found[-1][-1], spans[rows].T, ends[rows].T).full().T)
@@ -223,7 +223,7 @@ class _Passive:
         return ca.Function("interval", [state, span, ends], [now])
 
     def _fastest(self, start: Array) -> float:
-        """A bound of the natural frequencies [rad/s], from a first sample of the joints."""
+        """Upper bound of the natural frequencies [rad/s], from a first sample of the joints."""
         robot = self.truth.robot
         masses = {index: robot.link(body.name).mass for index, body in enumerate(self.tree.bodies) if index}
         masses[0] = robot.base.mass
@@ -240,12 +240,12 @@ class _Passive:
         return max(FASTER * square**0.5, forced)
 
     def _bending(self) -> list[FlexibleBody]:
-        """Constants of the bodies that deform, in the order of the modal coordinates."""
+        """Constants of the deformable bodies, in the order of the modal coordinates."""
         found = {body.modal: body.flexible for body in self.tree.bodies if body.flexible is not None}
         return [found[first] for first in sorted(found)]
 
     def _mass(self, joints: Array) -> Array:
-        """Z of the undeformed robot where the description puts its base, shape (rows, rows)."""
+        """Z of the undeformed robot at the described base pose, shape (rows, rows)."""
         state = np.zeros(self.edges[-1])
         robot = self.truth.robot
         if self.free:

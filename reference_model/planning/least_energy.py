@@ -4,8 +4,8 @@ Direct collocation (Radau points of order three; Betts, Practical Methods for Op
 states at the points of all intervals and torques there are the unknowns of one large program, which IPOPT
 solves (Waechter, Biegler, Math. Program. 106 (2006) 25-57). The loss is that of Katoh and others' path
 planning for space robots, mechanical viscous friction and the armatures' resistance, with this project's own
-dynamics in between, a free base and its attitude included. Links count as rigid, and effects other than
-viscous friction are left out.
+dynamics, including a free base and its attitude. Links count as rigid, and effects other than viscous
+friction are ignored.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 #: Points in every interval.
 POINTS = 3
-#: Stiffness of the tracking that makes the first guess, in units of the motion's rate.
+#: Tracking stiffness of the initial guess, in units of the motion's rate.
 GUESS_BANDWIDTH = 20.0
 #: Of IPOPT.
 TOLERANCE, MOST_ITERATIONS = 1e-8, 500
@@ -43,7 +43,7 @@ class Planned:
 
     Attributes:
         robot: the description with that motion as its reference, tables of degree five.
-        loss: energy that viscous friction and windings take along it [J].
+        loss: energy dissipated by viscous friction and windings along it [J].
         quintic: the same along the quintic between the same poses [J].
     """
 
@@ -64,7 +64,7 @@ def least_energy(
         intervals: of the collocation.
 
     Raises:
-        InputError: an unknown joint, a robot that this does not plan for, or no solution.
+        InputError: an unknown joint, an unsupported robot, or no solution.
     """
     plan = _planned_robot(robot, displacements, duration)
     gain, viscous = winding_gain(plan), _viscosities(plan)

@@ -1,1 +1,1 @@
-"""The robot as it is: its effects gathered, and the closed loop as ordinary differential equations."""
+"""The true robot: its effects collected, and the closed loop as ordinary differential equations."""

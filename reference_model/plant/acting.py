@@ -1,4 +1,4 @@
-"""All effects of a robot gathered into one function of the joints' signals."""
+"""All joint effects of a robot combined into one function of the joints' signals."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ TRANSITION = 1e-4
 
 @dataclass(frozen=True)
 class Signals:
-    """What effects at joints see, for all moving joints at once.
+    """Signals of effects at joints, for all moving joints at once.
 
     Attributes:
         time: [s].
         position, velocity, acceleration: n x 1.
         torque: commanded torque of the actuators at the joints, n x 1.
         loads: of the bearings, rows `balance.LOADS`, 4 x n.
-        direction: in which joints slide, -1, 0 or 1, n x 1; None smooths the sign of the velocity.
+        direction: sliding direction of the joints, -1, 0 or 1, n x 1; None smooths the sign of the velocity.
         motor_position, motor_velocity: of the drives' motors at the joint side, n x 1; None where all move
             with their joints.
-        temperature: of the joints [K], n x 1; None where `JointForces` is to say it.
+        temperature: of the joints [K], n x 1; None if `JointForces` computes it.
     """
 
     time: ca.SX
@@ -74,19 +74,19 @@ class Signals:
 class JointForces:
     """The effects that act on joints and on motors of transmissions, with their parameters.
 
-    Rows are the n joints and then the n drives; of the latter those of transmissions have effects of their
-    own, which see the motor's motion and torque, and act on the joints through the transmission.
+    Rows are the n joints and then the n drives; drives of transmissions have effects of their own, which
+    depend on the motor's motion and torque, and act on the joints through the transmission.
 
     Args:
         robot: the description.
-        effects: checked effects; those of other kinds are passed over.
-        geared: places of the drives whose motor moves by itself (see `gears`); effects of their actuators,
-            and all at a motor of a transmission, act on the motor and see its motion.
+        effects: checked effects; those of other kinds are ignored.
+        geared: indices of the drives with a separate motor coordinate (see `gears`); effects of their
+            actuators, and all at a motor of a transmission, act on the motor and depend on its motion.
 
     Attributes:
-        states: number of internal states of all of them.
-        bristles: name of joint or motor and place of the state, for friction laws with one internal state.
-        temperatures: of the joints; their states come behind those of effects.
+        states: total number of internal states.
+        bristles: name of joint or motor and index of the state, for friction laws with one internal state.
+        temperatures: of the joints; their states follow those of effects.
         bearings: with clearance; their states come last.
     """
 
@@ -123,7 +123,7 @@ class JointForces:
     def act(self, signals: Signals, states: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Sum of all forces on the joints (n x 1), rates of the states, and the friction among the forces.
 
-        What acts on a motor that moves by itself is not among the forces; see `on_motors`.
+        Forces on motors with their own coordinate are not included; see `on_motors`.
         """
         count = signals.position.shape[0]
         signals = self._tempered(signals, states)
@@ -154,7 +154,7 @@ class JointForces:
     def _forces(self, signals: Signals, states: ca.SX, *, apart: bool) -> tuple[ca.SX, ca.SX]:
         """Sum of all effects at joints and drives, and the friction among them, 2 n x 1 each [N m or N].
 
-        Either of what acts on motors that move by themselves (`apart`), or of all else.
+        Either of those on motors with their own coordinate (`apart`), or of all others.
         """
         count = 2 * signals.position.shape[0]
         chosen = [place for place in self._places if self._on_motor(place[0], place[2]) == apart]
@@ -172,7 +172,7 @@ class JointForces:
         return ca.vertcat(*total), ca.vertcat(*friction)
 
     def on_motors(self, signals: Signals, states: ca.SX) -> ca.SX:
-        """Sum of what effects add on motors that move by themselves, n x 1, zero at other drives."""
+        """Sum of effects on motors with their own coordinate, n x 1, zero at other drives."""
         count, signals = signals.position.shape[0], self._tempered(signals, states)
         turning = self._turning(signals)[0] if signals.motor_velocity is None else signals.motor_velocity
         own = self._in_motors(turning, smooth_sign(turning, TRANSITION), apart=True)
@@ -190,11 +190,11 @@ class JointForces:
 
     @property
     def _coupled(self) -> Collection[int]:
-        """Places of the motors of transmissions among the drives."""
+        """Indices of the motors of transmissions among the drives."""
         return self.coupling.motors.values()
 
     def _in_motors(self, velocity: ca.SX, sign: ca.SX, *, apart: bool) -> ca.SX:
-        """Friction of motors, n x 1: of those that move by themselves (`apart`) or of all others."""
+        """Friction of motors, n x 1: of those with their own coordinate (`apart`) or of all others."""
         found = [ca.SX(0.0)] * velocity.shape[0]
         for k, drive in enumerate(self._robot.drives):
             motor = drive.actuator
@@ -208,7 +208,7 @@ class JointForces:
         return k - count in self._geared if k >= count else k in self._geared and effect.place == "actuator"
 
     def _seen(self, signals: Signals, k: int, effect: JointEffect) -> JointSignals:
-        """What an effect in row k depends on, without the friction that it may change."""
+        """Signals of an effect in row k, without the friction that it may change."""
         count, apart = signals.position.shape[0], self._on_motor(k, effect)
         if k >= count:
             return self._of_drive(signals, k - count, apart=apart)
@@ -218,7 +218,7 @@ class JointForces:
         return self._view(signals, k, ca.SX(0.0))
 
     def _of_drive(self, signals: Signals, k: int, *, apart: bool = False) -> JointSignals:
-        """What effects at a motor of a transmission see."""
+        """Signals of effects at a motor of a transmission."""
         coupling = self.coupling
         motion = [coupling.drives(part) for part in (signals.position, signals.velocity)]
         if apart and signals.motor_position is not None and signals.motor_velocity is not None:
@@ -254,7 +254,7 @@ class JointForces:
         return ca.densify(states)
 
     def warmth(self, time: ca.SX, states: ca.SX) -> ca.SX:
-        """Of the joints [K], n x 1."""
+        """Temperatures of the joints [K], n x 1."""
         return self.temperatures.at(time, states[self._warm])
 
     @property
@@ -279,7 +279,7 @@ class JointForces:
         return replace(signals, temperature=self.warmth(signals.time, states))
 
     def needs_solving(self) -> bool:
-        """Whether a force depends on what it changes: accelerations or bearing loads."""
+        """Whether a force depends on accelerations or bearing loads, which it changes."""
         count = len(self._robot.moving_joints)
         q, qd, qdd, u = (ca.SX.sym(name, count) for name in ("q", "qd", "qdd", "u"))
         loads = ca.SX.sym("loads", len(LOADS), count)
@@ -323,10 +323,10 @@ def inertial_with(
     effects: Sequence[UsedEffect],
     geared: Collection[int] = (),
 ) -> NDArray[np.float64]:
-    """The inertial numbers with the body effects added, shape (P,).
+    """The inertial parameters with the body effects added, shape (P,).
 
-    What a point of a flexible link carries is not among them; see `bodies_with`. Nor are the rotors of
-    `geared` drives, whose motors move by themselves.
+    Masses at a point of a flexible link are not included; see `bodies_with`. Nor are the rotors of `geared`
+    drives, whose motors have their own coordinate.
     """
     names = inertial_names(robot)
     numbers = nominal.copy()
@@ -346,7 +346,7 @@ def inertial_with(
 
 
 def bodies_with(robot: Robot, effects: Sequence[UsedEffect]) -> dict[str, FlexibleBody]:
-    """The flexible links' constants with what effects at them change, by name."""
+    """The flexible links' constants changed by effects at them, by name."""
     bodies = flexible_bodies(robot)
     for used in effects:
         if isinstance(used.effect, StructureEffect) and used.at in bodies:
@@ -368,12 +368,12 @@ def bodies_with(robot: Robot, effects: Sequence[UsedEffect]) -> dict[str, Flexib
 
 
 def _deforms(robot: Robot, used: UsedEffect, terms: BodyTerms) -> bool:
-    """Whether what the effect adds takes part in the deformation of a link."""
+    """Whether the added mass of the effect moves with the deformation of a link."""
     return terms.place is not None and any(link.name == used.at for link in robot.flexible_links)
 
 
 def sensor_effects(effects: Sequence[UsedEffect]) -> tuple[tuple[SensorEffect, UsedEffect], ...]:
-    """The effects that falsify channels, in the order of the robot file."""
+    """The sensor effects, in the order of the robot file."""
     return tuple((used.effect, used) for used in effects if isinstance(used.effect, SensorEffect))
 
 

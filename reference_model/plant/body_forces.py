@@ -1,4 +1,4 @@
-"""All effects that push on bodies, gathered into one function of the mechanism's state."""
+"""All force effects on bodies, combined into one function of the mechanism's state."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Acting:
-    """One effect: where it acts, and which states are its own."""
+    """One effect: its point of action and its states."""
 
     effect: ForceEffect
     parameters: Mapping[str, float]
@@ -34,17 +34,17 @@ class _Acting:
 
 
 class BodyForces:
-    """The effects that push on bodies, with their parameters.
+    """The force effects on bodies, with their parameters.
 
     Args:
-        robot: as it is.
+        robot: the true robot.
         tree: of the robot.
-        effects: checked effects; those of other kinds are passed over.
-        preload: wrench on the base [force; moment] about its origin in inertial axes that effects which carry
-            the start share, shape (6,).
+        effects: checked effects; those of other kinds are ignored.
+        preload: wrench on the base [force; moment] about its origin in inertial axes, shared by effects that
+            balance the initial load, shape (6,).
 
     Attributes:
-        states: number of internal states of all of them.
+        states: total number of internal states.
         initial: the states at time 0, shape (states,).
     """
 
@@ -69,16 +69,16 @@ class BodyForces:
 
     @property
     def carries_start(self) -> bool:
-        """Whether one of them carries what rests on the base at the start."""
+        """Whether one of them balances the initial load of the base."""
         return any(acting.effect.carries_start for acting in self._acting)
 
     def fastest(self, masses: Mapping[int, float]) -> float:
-        """A bound of the natural frequencies that they make [rad/s], from the masses of bodies [kg]."""
+        """Upper bound of the natural frequencies that they cause [rad/s], from the masses of bodies [kg]."""
         bounds = (a.effect.fastest(a.parameters, masses.get(a.body, np.inf)) for a in self._acting)
         return max(bounds, default=0.0)
 
     def act(self, mechanism: Mechanism, time: ca.SX, states: ca.SX) -> Outside:
-        """What they do in a state of the mechanism."""
+        """Their forces in a state of the mechanism."""
         columns: dict[int, ca.SX] = {}
         spins: dict[int, ca.SX] = {}
         rates, stored, power = ca.SX(self.states, 1), ca.SX(1, 1), ca.SX(1, 1)
@@ -100,7 +100,7 @@ class BodyForces:
         return Outside(columns, spins, stored, rates, power)
 
     def _held(self, signals: BodySignals) -> ca.SX:
-        """The constant wrench that carries the start, in the axes at the point."""
+        """The constant wrench that balances the initial load, in the axes at the point."""
         force, moment = constant(self._preload[:3]), constant(self._preload[3:])
         return ca.vertcat(signals.rotation.T @ force, signals.rotation.T @ moment)
 
@@ -112,12 +112,12 @@ class BodyForces:
 def point_on(
     mechanism: Mechanism, body: int, place: Array, time: ca.SX, home: tuple[Array, Array]
 ) -> tuple[BodySignals, ca.SX]:
-    """How a point of a body moves, and its velocity as a function of the body's velocity column, 6 x (6 + s).
+    """Motion of a point of a body, and its Jacobian with respect to the velocity column, 6 x (6 + s).
 
     Args:
         mechanism: in its state.
         body: index in the tree.
-        place: of the point in the body's frame [m], shape (3,); of a flexible body the nearest node is taken.
+        place: of the point in the body's frame [m], shape (3,); on a flexible body the nearest node is used.
         time: [s].
         home: position and rotation of the base's frame at the start, shapes (3,) and (3, 3).
     """

@@ -1,7 +1,7 @@
 """The closed loop as one set of ordinary differential equations.
 
-Accelerations, bearing loads and friction depend on one another when friction depends on the loads: the
-loads follow from the accelerations, those from the friction, and it from the loads. Accelerations and
+If friction depends on bearing loads, the equations are coupled: loads follow from accelerations,
+accelerations from friction, and friction from loads. Accelerations and
 reaction wrenches are affine in the joint forces, so this loop is closed inside the expression by a few
 Newton passes over n unknowns.
 """
@@ -44,19 +44,19 @@ class Plant:
 
     Args:
         robot: the description.
-        work: the work of all forces is a state as well.
-        losses: so are the energies that friction and windings take.
+        work: the work of all forces is also a state.
+        losses: the energies dissipated by friction and windings are also states.
 
     Attributes:
-        truth: the robot as it is; `robot` is what the controller believes in.
+        truth: the true robot; `robot` is the controller's model.
         layout: the parts of the state.
         tree: bodies and coordinates.
-        wrench: rows of the base wrench at the head of a command, 6 or 0.
+        wrench: rows of the base wrench at the beginning of a command, 6 or 0.
         commands: rows of a command.
         forces: the effects at the joints.
-        gears: of the drives whose motor moves by itself.
+        gears: of the drives with a separate motor coordinate.
         network: of an adaptive controller; its weights are states.
-        inertial: true inertial numbers, shape (P,); the controller believes in the nominal ones.
+        inertial: true inertial parameters, shape (P,); the controller uses the nominal ones.
         command: (t, x, r, rd, rdd) -> command of the controller.
         rate: (t, x, r, command) -> time derivative of the state.
         watch: (t, x, r, command) -> columns of `WATCHED`.
@@ -78,7 +78,7 @@ class Plant:
         "contact",
     )
 
-    #: Symbols of what the joints are made to do where stick and slip are exact; None smooths dry friction.
+    #: Symbols of prescribed joint modes where stick and slip are exact; None smooths dry friction.
     mode: ca.SX | None = None
 
     def __init__(self, robot: Robot, *, work: bool = False, losses: bool = False) -> None:
@@ -139,22 +139,22 @@ class Plant:
 
     @property
     def direction(self) -> ca.SX | None:
-        """In which joints slide, -1, 0 or 1, n x 1; None smooths dry friction."""
+        """Sliding direction of the joints, -1, 0 or 1, n x 1; None smooths dry friction."""
         return self.mode
 
     @property
     def unknowns(self) -> int:
-        """Generalised accelerations and the effects' forces on the joints, which depend on one another."""
+        """The coupled unknowns: generalised accelerations and the effects' forces on the joints."""
         return self.tree.rows + self.layout.joints
 
     def solved(self) -> ca.Function:
-        """(t, x, r, command) -> time derivative of the state, and the unknowns that it was found with."""
+        """(t, x, r, command) -> time derivative of the state, and the solved unknowns."""
         return ca.Function("solved", self._inputs, [ca.densify(part) for part in self._found], {"cse": True})
 
     def implicit(self) -> ca.Function:
-        """(t, x, r, command, unknowns) -> time derivative with these unknowns, and what they miss.
+        """(t, x, r, command, unknowns) -> time derivative with these unknowns, and their equation residual.
 
-        The second is zero at those of `solved`. Derivatives of both are short, since nothing is solved for.
+        The residual is zero at those of `solved`. Derivatives of both are short, since nothing is solved.
         """
         time, state, reference, held = self._inputs
         parts = self.layout.split(state)
@@ -169,12 +169,12 @@ class Plant:
         return ca.Function("implicit", inputs, [rate, ca.densify(response.gap)], {"cse": True})
 
     def _judge(self, inputs: list[ca.SX], response: Response) -> None:
-        """Functions that a plant of another kind has besides."""
+        """Additional functions of derived plants."""
 
     def initial(self, reference: ca.Function) -> NDArray[np.float64]:
         """The state at time 0, shape (rows,); `reference` gives r, rd, rdd of the time.
 
-        Effects and gears begin as they would be under the first commanded torque.
+        Effects and gears start in equilibrium with the first commanded torque.
         """
         robot = self.robot
         position = np.array([joint.initial_position for joint in robot.moving_joints])
@@ -210,7 +210,7 @@ class Plant:
         return np.asarray(found, dtype=float).ravel()
 
     def _read(self, motion: Motion, parts: dict[str, ca.SX]) -> Motion:
-        """What the controller's encoders say of the motion."""
+        """The motion as measured by the controller's encoders."""
         if not reads_motor(self.robot):
             return motion
         position = self.gears.seen(motion.position, parts["motor"])
@@ -218,7 +218,7 @@ class Plant:
         return replace(motion, position=position, velocity=velocity)
 
     def _motion(self, parts: dict[str, ca.SX]) -> Motion:
-        base = SymbolicRobot.still_base(self.robot)  # effects leave it where it is at the start
+        base = SymbolicRobot.still_base(self.robot)  # effects do not move it at the start
         if self.layout.free_base:
             base |= {name: parts[name] for name in ("attitude", "base_velocity", "base_position")}
         base |= {name: parts[name] for name in ("balls", "ball_rates", "modal", "modal_rates")}
@@ -229,7 +229,7 @@ class Plant:
     def rate_with(
         self, parts: dict[str, ca.SX], reference: ca.SX, command: ca.SX, response: Response
     ) -> ca.SX:
-        """Time derivative of the state; the base's velocity is kept in base axes, so om x v is taken off."""
+        """Time derivative of the state; the base's velocity is in base axes, so om x v is subtracted."""
         acceleration, turned = response.acceleration, []
         for k in range(self.layout.balls):
             quaternion = parts["balls"][4 * k : 4 * k + 4]
@@ -262,7 +262,7 @@ class Plant:
         parts: dict[str, ca.SX],
         assumed: ca.SX | None = None,
     ) -> Response:
-        """What the robot does; with `assumed` unknowns, what they would mean and what they miss."""
+        """Response of the robot; with `assumed` unknowns, the response to these and their residual."""
         offset, count, states = 6 if self.layout.free_base else 0, self.layout.joints, parts["effects"]
         pushed = wrench if self.wrench else ca.SX(offset, 1)
         robot = self._true(motion)
@@ -329,7 +329,7 @@ class Plant:
         )
 
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
-        """What there is to say when the forces on the joints and what they cause are found."""
+        """The response for given forces on the joints and the accelerations that they cause."""
         total, rates, friction = self.forces.act(seen, states)
         residual = ca.mmax(ca.vertcat(0, ca.fabs(total - force) / (1 + ca.fabs(total))))  # maybe no joints
         return Response(acceleration, friction, seen.loads, rates, residual)
@@ -337,7 +337,7 @@ class Plant:
     def _settle(
         self, forces: Callable[[ca.SX], ca.SX], caused: Callable[[ca.SX], ca.SX]
     ) -> tuple[ca.SX, ca.SX]:
-        """The effects' forces on the joints in agreement with what they cause, and that."""
+        """The effects' forces on the joints, and the consistent accelerations and loads."""
         count = self.layout.joints
         if not self.forces.needs_solving():
             force = forces(caused(ca.SX(count, 1)))
@@ -348,7 +348,7 @@ class Plant:
 
     @property
     def flexible(self) -> tuple[Body, ...]:
-        """Bodies that deform, in the order of the robot file."""
+        """Deformable bodies, in the order of the robot file."""
         bodies = {body.name: body for body in self.tree.bodies}
         return tuple(bodies[link.name] for link in self.truth.robot.flexible_links)
 
@@ -364,7 +364,7 @@ class Plant:
         return ca.horzcat(*columns)
 
     def _true(self, motion: Motion) -> SymbolicRobot:
-        """The robot as it is, with its effects, in a motion."""
+        """The true robot, with its effects, in a motion."""
         return self.truth.symbolic(motion, *self._outer)
 
     def _moved(self, motion: Motion, acceleration: ca.SX) -> Motion:

@@ -1,14 +1,14 @@
-"""Motors that move by themselves: what their gears transmit, store and lose.
+"""Gears with a separate motor coordinate: transmitted torque, stored energy and loss.
 
 A joint with one of the effects `joint_elasticity`, `backlash` or `gear_hysteresis` has the motor's position
-at the joint side of the gear as a coordinate of its own, with the reflected inertia of the rotor, which then
-no longer sits on the joint. Effects of the actuator act on the motor and see its motion; all other effects at
-the joint, friction among them, act on the joint itself, where its bearings are. A motor of a transmission has
-its gear in front of it, and everything that sits at the motor acts on the motor.
+at the joint side of the gear as an additional coordinate, with the reflected inertia of the rotor, which then
+no longer belongs to the joint. Effects of the actuator act on the motor and depend on its motion; all other
+effects at the joint, including friction, act on the joint itself, where its bearings are. A motor of a
+transmission has its gear between motor and transmission, and all effects at the motor act on the motor.
 
 There is one spring in a gear. So one of the effects at a joint states stiffness and damping, and the others
-lean on it: backlash is in series with the spring, hysteresis beside it. Hysteresis behind a play would need
-the flanks' position as one more coordinate, and is refused.
+use it: backlash is in series with the spring, hysteresis in parallel. Hysteresis in series with play would
+need the flanks' position as one more coordinate, and is rejected.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ __all__ = ["Gears", "Transmitted", "reads_motor"]
 
 Array = NDArray[np.float64]
 
-#: A gear with play starts on a flank under a torque that winds it by this part of the play, or of so
-#: much [N m or N] if that is less: far above what accelerations of a motion's table err by, far below what
-#: moves anything. Without torque it starts in the middle.
+#: A gear with play starts on a flank under a torque that winds it by this fraction of the play, or of this
+#: value [N m or N] if that is less: far above errors due to accelerations of a motion's table, far below
+#: torques that cause motion. Without torque it starts in the middle.
 WOUND, PRELOAD = 1e-3, 1e-2
 #: A spring alone twists by torque over stiffness, where rounding may take away from its torque.
 BEYOND = 1.0 + 1e-9
@@ -41,13 +41,13 @@ BEYOND = 1.0 + 1e-9
 
 @dataclass(frozen=True)
 class Transmitted:
-    """What the gears do, one row for each joint with a motor of its own.
+    """Output of the gears, one row for each joint with a separate motor coordinate.
 
     Attributes:
         torque: on the joint, and against the motor [N m or N], m x 1.
         rates: of the gears' states.
         stored: energy of all gears [J].
-        loss: power that all gears turn into heat [W].
+        loss: power dissipated in all gears [W].
     """
 
     torque: ca.SX
@@ -58,7 +58,7 @@ class Transmitted:
 
 @dataclass(frozen=True)
 class _Gear:
-    """The effects in one gear, with the places of their states."""
+    """The effects in one gear, with the indices of their states."""
 
     parts: tuple[tuple[GearEffect, Mapping[str, float], slice], ...]
 
@@ -86,7 +86,7 @@ class _Gear:
         return any(type(effect).behind is not GearEffect.behind for effect, _, _ in self.parts)
 
     def at_rest(self, torque: float) -> tuple[float, list[tuple[slice, Array]]]:
-        """Twist [rad or m] and states of the gear loaded in one go to a torque [N m or N]."""
+        """Twist [rad or m] and states of the gear loaded monotonically to a torque [N m or N]."""
         size = abs(torque)
         stiffness = sum(p["stiffness"] for _, p, _ in self.parts)
         at = ca.SX.sym("d")
@@ -115,14 +115,14 @@ class _Gear:
 
 
 class Gears:
-    """The gears of a robot that let motor and joint move apart.
+    """The gears of a robot with separate motor coordinates.
 
     Args:
         robot: the description.
-        effects: checked effects; those of other kinds are passed over.
+        effects: checked effects; those of other kinds are ignored.
 
     Attributes:
-        drives: places of their motors among the robot's drives, rising; m of them.
+        drives: indices of their motors among the robot's drives, increasing; m of them.
         coupling: the robot's transmissions.
         inertia: of each rotor at the joint side, gear_ratio^2 rotor_inertia [kg m^2 or kg], shape (m,).
         states: number of internal states.
@@ -158,7 +158,7 @@ class Gears:
         return _Gear(tuple(parts))
 
     def act(self, twist: ca.SX, rate: ca.SX, states: ca.SX) -> Transmitted:
-        """What the gears do at twists and their rates, m x 1 each."""
+        """Output of the gears at twists and their rates, m x 1 each."""
         torques, stored, loss = [ca.SX(0, 1)], ca.SX(1, 1), ca.SX(1, 1)
         rates = ca.SX(self.states, 1)
         for k, gear in enumerate(self._gears):
@@ -188,18 +188,18 @@ class Gears:
         return self.rows(self.coupling.drives(joints))
 
     def replaced(self, drives: ca.SX, motors: ca.SX) -> ca.SX:
-        """A column of all drives, n x 1, with the rows of motors that move by themselves."""
+        """A column of all drives, n x 1, with the rows of these motors filled in."""
         column = ca.SX(drives)
         for k, place in enumerate(self.drives):
             column[place] = motors[k]
         return column
 
     def motion(self, joints: ca.SX, motors: ca.SX) -> ca.SX:
-        """Motion of all motors, n x 1, from that of all joints and of motors that move by themselves."""
+        """Motion of all motors, n x 1, from that of all joints and of the separate motor coordinates."""
         return self.replaced(self.coupling.drives(joints), motors)
 
     def seen(self, joints: ca.SX, motors: ca.SX) -> ca.SX:
-        """Motion of the joints as encoders at the motors say it, n x 1."""
+        """Motion of the joints as measured by encoders at the motors, n x 1."""
         return self.coupling.joints(self.motion(joints, motors)) if self.drives else joints
 
 
@@ -238,7 +238,7 @@ def _check_together(robot: Robot, drive: Drive, used: Sequence[UsedEffect]) -> N
 
 
 def _check_movable(robot: Robot, drives: Sequence[int]) -> None:
-    """Raise `InputError` where a link moves no inertia once the rotor moves by itself."""
+    """Raise `InputError` where a link has no inertia once the rotor has its own coordinate."""
     names = [robot.drives[k].name for k in drives]
     bare = tuple(j.model_copy(update={"actuator": None}) if j.name in names else j for j in robot.joints)
     light = tuple(_without_rotors(transmission, names) for transmission in robot.transmissions)

@@ -27,11 +27,11 @@ class Layout:
         balls: number of spherical joints; their quaternions and angular velocities are states.
         modal: number of modal coordinates.
         work: the work of all forces is integrated.
-        motors: number of motors that move by themselves; their positions and velocities are states.
+        motors: number of separate motor coordinates; their positions and velocities are states.
         gear_states: internal states of their gears.
-        outer: internal states of the effects that push on bodies.
+        outer: internal states of the force effects on bodies.
         weights: of an adaptive controller's network.
-        losses: the energies that friction and windings take are integrated.
+        losses: the energies dissipated by friction and windings are integrated.
     """
 
     joints: int
@@ -79,7 +79,7 @@ class Layout:
 
     @property
     def positions(self) -> int:
-        """Rows at the beginning whose rates depend on attitudes and velocities alone."""
+        """Rows at the beginning whose rates depend only on attitudes and velocities."""
         return self.rows("base_velocity").start
 
     def rows(self, part: str) -> slice:

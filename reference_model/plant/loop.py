@@ -1,4 +1,4 @@
-"""Closing the loop of bearing loads and friction inside an expression."""
+"""Solution of the algebraic loop of bearing loads and friction inside an expression."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from robot_model import InputError, Robot
 __all__ = ["LOOP_TOLERANCE", "NEWTON_PASSES", "Affine", "fixed_point", "unsettled"]
 
 #: Newton passes. Each squares the error; at violent states of six-joint arms with coefficients up to 0.5
-#: three leave less than 1e-12 (tests/reference_model/test_friction_loop.py measures it) and one is in
-#: reserve. The simulation looks at the error that is left.
+#: three reduce it to less than 1e-12 (tests/reference_model/test_friction_loop.py measures it) and one is in
+#: reserve. The simulation checks the remaining error.
 NEWTON_PASSES = 4
 
-#: Largest error left in the loop of loads and friction before a simulation is refused, relative.
+#: Largest relative residual of the loop of loads and friction before a simulation is refused.
 LOOP_TOLERANCE = 1e-10
 
 
@@ -48,13 +48,13 @@ def fixed_point(
 ) -> ca.SX:
     """The joint forces x with ``x = forces(seen(x))``, by Newton from zero, as one expression.
 
-    Forces that do not depend on what they cause are put in as they are; Newton runs over the others.
+    Explicit forces are inserted directly; Newton runs over the implicit ones.
 
     Args:
-        forces: from what `seen` gives to the joint forces, n x 1.
+        forces: from the column of `seen` to the joint forces, n x 1.
         seen: accelerations and reaction wrenches in one column, as a function of the forces.
-        holds: of a joint that may be held, the condition under which it is, and the row of `seen` that its
-            force then keeps at zero instead.
+        holds: for a joint that may be held, the condition, and the row of `seen` that its force then keeps at
+            zero instead.
     """
     holds = holds or {}
     size = seen.slope.shape[1]
@@ -99,7 +99,7 @@ def _newton(gap: Callable[[ca.SX, ca.SX], ca.SX], seen: Affine) -> ca.SX:
 
 
 def unsettled(robot: Robot, instant: float) -> InputError:
-    """What to say when the loop does not close at an instant [s]."""
+    """Error for a loop that does not converge at an instant [s]."""
     return InputError(
         f"robot '{robot.name}': bearing loads and the friction they cause do not settle at "
         f"t = {instant:.6g} s; lower the coefficient of load-dependent friction or its arms."

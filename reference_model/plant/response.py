@@ -1,4 +1,4 @@
-"""What a robot does in a state under actuator torques."""
+"""Response of a robot in a state under actuator torques."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from reference_model.plant.gears import Transmitted
 
 __all__ = ["Response"]
 
-#: What no gear transmits.
+#: Output of no gears.
 NOTHING = Transmitted(ca.SX(0, 1), ca.SX(0, 1), ca.SX(1, 1), ca.SX(1, 1))
 
 
 @dataclass(frozen=True)
 class Response:
-    """What the robot does in a state under actuator torques.
+    """Response of the robot in a state under actuator torques.
 
     Attributes:
         acceleration: generalised accelerations, base first, rows x 1.
         friction: friction at the joints [N m or N], n x 1.
         loads: of the bearings, rows `balance.LOADS`, 4 x n.
         rates: of the effects' states.
-        residual: largest error left in the loop of loads and friction, relative to 1 + the forces.
-        margin: how far from a change of stick and slip each joint is, n x 1; see `sticking_plant`.
-        power: of actuators, effects and a held base, less what damping of the links and gears takes [W].
-        motors: accelerations of the motors that move by themselves [rad/s^2 or m/s^2], m x 1.
-        gears: what their gears transmit.
-        outer: rates of the states of effects that push on bodies.
+        residual: largest residual of the loop of loads and friction, relative to 1 + the forces.
+        margin: distance of each joint from a change of stick and slip, n x 1; see `sticking_plant`.
+        power: of actuators, effects and a held base, minus dissipation in links and gears [W].
+        motors: accelerations of the separate motor coordinates [rad/s^2 or m/s^2], m x 1.
+        gears: output of their gears.
+        outer: rates of the states of force effects on bodies.
         force: of the effects on the joints, friction among them [N m or N], n x 1.
         drive: torque of the actuators at the joints [N m or N], n x 1.
-        gap: what assumed accelerations and forces miss of the equations that give them; see `Plant.implicit`.
+        gap: residual of the equations for assumed accelerations and forces; see `Plant.implicit`.
     """
 
     acceleration: ca.SX

@@ -1,4 +1,4 @@
-"""What the sensors make of the true channels."""
+"""Measured channels from true ones."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 
 
 def measure(robot: Robot, time: Array, channels: Mapping[str, Array], *, seed: int, source: str) -> Recording:
-    """The recording that the robot's sensors make: effects of the sensor, then noise, then resolution.
+    """The recording of the robot's sensors: effects of the sensor, then noise, then resolution.
 
     Args:
-        robot: its `sensors`; none means every channel of what is described, without noise.
+        robot: with its `sensors`; none means every channel of the described robot, without noise.
         time: [s], shape (N,).
         channels: true values by native name, shape (N,) each.
         seed: of the noise.
@@ -53,7 +53,7 @@ def measure(robot: Robot, time: Array, channels: Mapping[str, Array], *, seed: i
 
 
 def _is_described(robot: Robot, channel: str) -> bool:
-    """Whether the description knows of what the channel tells, and not only an effect."""
+    """Whether the channel belongs to the description, not only to an effect."""
     place, quantity = channel.split(".")[:2]
     links = {link.name: link.flexible for link in robot.links}
     known = {"base", "robot", *links, *(joint.name for joint in robot.joints)}

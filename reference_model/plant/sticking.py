@@ -2,13 +2,13 @@
 
 Dry friction is a force between bounds while a joint rests, and the bound itself while it slides. So a joint
 has a mode m: 1 or -1 for sliding in that direction, where friction is its law with sgn(qd) = m; and 0 for
-sticking, where friction is what keeps the acceleration at zero, as long as that lies between the laws of the
-two directions at rest. Within one set of modes the equations are smooth.
+sticking, where friction keeps the acceleration at zero, as long as it lies between the laws of the two
+directions at rest. Within one set of modes the equations are smooth.
 
     stick:  qdd = 0,  T(1) <= T <= T(-1);      slip:  T = T(m),  m qd >= 0
 
-T are all forces of effects on the joint; bounds depend on the bearing loads where friction does, and the
-loads on all joints' forces, so both are solved for together (Glocker, Set-Valued Force Laws, 2001, ch. 3).
+T is the total force of effects on the joint; bounds depend on the bearing loads where friction does, and the
+loads on all joints' forces, so both are solved together (Glocker, Set-Valued Force Laws, 2001, ch. 3).
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class StickingPlant(Plant):
         beyond = Affine(affine.constant - shift, affine.slope)
         force = fixed_point(lambda column: forces(column + shift), beyond, holds)
         column = affine.at(force)
-        for k in self.dry:  # what is left there is rounding, and rest is to be exact
+        for k in self.dry:  # only rounding remains there, and rest must be exact
             column[self._row(k)] = ca.if_else(directions[k] == 0, moved[k], column[self._row(k)])
         return force, column
 
@@ -111,5 +111,5 @@ class StickingPlant(Plant):
 
 
 def _towards(seen: Signals, sign: float) -> Signals:
-    """The same signals with all joints sliding that way."""
+    """The same signals with all joints sliding in that direction."""
     return replace(seen, direction=ca.SX(np.full(seen.position.shape[0], sign)))

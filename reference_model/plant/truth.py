@@ -1,4 +1,4 @@
-"""A robot as it is, with its effects, beside the robot that its description and its controller speak of."""
+"""The true robot with its effects, as opposed to the nominal robot of its description and controller."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The robot as it is.
+    """The true robot.
 
     Attributes:
-        nominal: the description that was given.
-        robot: with the effects that change what it is; the joints are those of the description.
-        effects: all of them, checked.
-        tree: of `robot`, with what other effects change on its flexible links.
-        inertial: its inertial numbers, shape (P,).
-        gears: its drives whose motors move by themselves.
-        forces: the effects that push on its bodies.
+        nominal: the given description.
+        robot: with the structure effects; the joints are those of the description.
+        effects: all effects, checked.
+        tree: of `robot`, with changes of its flexible links by other effects.
+        inertial: its inertial parameters, shape (P,).
+        gears: its drives with separate motor coordinates.
+        forces: the force effects on its bodies.
     """
 
     nominal: Robot
@@ -60,7 +60,7 @@ class Truth:
         return SymbolicRobot(self.robot, motion, ca.SX(self.inertial), tree=self.tree, outside=outside)
 
     def believed(self, motion: Motion) -> Motion:
-        """What a controller that believes in the description measures of a motion of the true robot."""
+        """A motion of the true robot as measured by a controller that uses the description."""
         if self.nominal is self.robot:
             return motion
         inboard = {}
@@ -75,7 +75,7 @@ class Truth:
 
 
 def structured(robot: Robot, effects: Sequence[UsedEffect]) -> Robot:
-    """The description with the effects carried out that change what the robot is.
+    """The description with its structure effects applied.
 
     Raises:
         InputError: the robot cannot have one of them, with robot, effect and place.
@@ -90,7 +90,7 @@ def structured(robot: Robot, effects: Sequence[UsedEffect]) -> Robot:
 
 
 def truth_of(robot: Robot) -> Truth:
-    """The robot as it is, from a description with effects.
+    """The true robot, from a description with effects.
 
     Raises:
         InputError: an effect that does not exist, with unusable parameters, or that the robot cannot have.

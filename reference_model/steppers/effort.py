@@ -1,4 +1,4 @@
-"""What simulations take, counted in steps, so that the same runs count alike on every machine."""
+"""Cost of simulations in steps, which does not depend on the machine."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """The closed loop integrated explicitly, all of it compiled C: order 8 with error control and dense output.
 
-Robots without stiff friction are mostly a matter of explicit steps, and what an integrator spends around the
-equations then costs more than they do. Here right-hand side and integrator are one piece of machine code
-(`march.c`), in which a step of a robot of a few bodies takes some microseconds. Stiffness only costs steps:
-the error is controlled all the same, and where steps get too many the run stops and says so.
+For robots without stiff friction explicit steps suffice, and the overhead of an integrator then costs more
+than the equations. Here right-hand side and integrator are one piece of machine code (`march.c`), in which a
+step of a robot of a few bodies takes some microseconds. Stiffness only costs steps: the error is still
+controlled, and the run stops with an error if there are too many steps.
 
 The method is Dormand and Prince's of order 8 with errors of orders 5 and 3 (Hairer, Norsett, Wanner, Solving
 Ordinary Differential Equations I, 1993, II.5 and II.6); its coefficients are those of SciPy's `DOP853`.
@@ -45,11 +45,11 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Samples in one call of the compiled code; an interrupt is heard in between.
+#: Samples in one call of the compiled code; interrupts are handled in between.
 BLOCK = 1024
 #: For loops over a state's rows that the compiler turns into vector instructions.
 FLAGS = ("-O3",)
-#: What the compiled code gives back besides 0.
+#: Error codes of the compiled code.
 REASONS = {
     1: f"more than {MAX_STEPS} steps were needed to the next sample",
     2: "no step was small enough for the tolerance",
@@ -58,7 +58,7 @@ REASONS = {
 
 
 class ExplicitRun:
-    """A closed loop, made ready to be integrated again and again.
+    """A closed loop, prepared for repeated integration.
 
     Args:
         plant: the closed loop; its controller is continuous.
@@ -89,8 +89,8 @@ class ExplicitRun:
         self._library = ctypes.CDLL(str(code.library))  # kept as long as its function is called
         self._rate = ctypes.cast(self._library.closed_rate, ctypes.c_void_p)
         self._start = plant.initial(reference)
-        # A short run takes some ten microseconds in machine code: whatever is the same in every call is made
-        # ready here, since each pointer made of an array costs two of them.
+        # A short run takes some ten microseconds in machine code: constant arguments are prepared here, since
+        # each pointer made from an array costs two of them.
         arg, res, iw, w = self._kept = scratch(function)
         self._time, self._states = np.zeros(BLOCK + 1), np.zeros((BLOCK + 1, plant.layout.size))
         self._same = (
@@ -110,10 +110,10 @@ class ExplicitRun:
         Args:
             time: rising.
             rtol, atol: of one step.
-            longest: step [s]; the whole time when left out.
+            longest: step [s]; default is the total time.
 
         Raises:
-            InputError: the integration fails; says when, in which state, and what to try.
+            InputError: the integration fails; states when, in which state, and what to try.
         """
         time = np.ascontiguousarray(time, dtype=float)
         states = np.empty((len(time), self._plant.layout.size))
@@ -144,7 +144,7 @@ def integrate_explicit(
         plant: the closed loop.
         reference: t -> r, rd, rdd.
         time: output instants [s], rising.
-        hold: interval over which a command is held [s]; only 0, a continuous controller, can be had here.
+        hold: interval over which a command is held [s]; only 0, a continuous controller, is supported.
         rtol, atol: tolerances of a step.
 
     Raises:
@@ -164,7 +164,7 @@ def continuous_course(
     rtol: float,
     atol: float,
 ) -> Course:
-    """As `integrate_explicit`, by any integrator of continuous controllers, `kind` being its name."""
+    """Like `integrate_explicit`, by any integrator for continuous controllers; `kind` is its name."""
     if hold > 0:
         raise InputError(
             f"robot '{plant.robot.name}': the {kind} integrator runs continuous controllers; set "
@@ -180,14 +180,14 @@ def continuous_course(
 def broken_off(
     plant: Plant, reference: ca.Function, course: tuple[Array, Array], reached: float, reason: str
 ) -> InputError:
-    """What to say of a run that came to `reached` [s], with the last state before it.
+    """Error for a run that stopped at `reached` [s], with the last state before it.
 
     Args:
         plant: the closed loop.
         reference: t -> r, rd, rdd.
-        course: instants, shape (N,), and states, shape (N, x), known up to there.
+        course: instants, shape (N,), and states, shape (N, x), computed until then.
         reached: the last instant.
-        reason: why it went no further.
+        reason: why it stopped.
     """
     time, states = course
     row = max(0, int(np.searchsorted(time, reached, side="right")) - 1)
@@ -218,19 +218,19 @@ def _constant(name: str, table: Array) -> str:
 
 
 def scratch(function: ca.Function) -> tuple[Any, ...]:
-    """Room for the pointers and numbers that a generated function works with."""
+    """Work space for the pointers and numbers of a generated function."""
     arg = (ctypes.c_void_p * max(2, function.sz_arg()))()
     res = (ctypes.c_void_p * max(1, function.sz_res()))()
     return arg, res, np.zeros(max(1, function.sz_iw()), dtype=np.int64), np.zeros(max(1, function.sz_w()))
 
 
 def address(array: NDArray[Any]) -> ctypes.c_void_p:
-    """Where an array begins."""
+    """Address of an array's first element."""
     return ctypes.c_void_p(array.ctypes.data)
 
 
 def uncompiled(plant: Plant, why: str, kind: str) -> InputError:
-    """What to say when an integrator that is compiled C alone cannot be."""
+    """Error if an integrator that runs only as compiled C is unavailable."""
     return InputError(
         f"robot '{plant.robot.name}': the {kind} integrator runs as compiled C only ({why}); "
         'take the integrator "implicit".'

@@ -1,8 +1,8 @@
 """One step of Dormand and Prince's method over a short piece of the motion, with an estimate of its error.
 
-Where a controller acts every millisecond, starting a multistep integrator anew at every instant costs more
-than the physics. A piece that short is mostly a matter of one explicit step; its error estimate says when it
-is not (dry friction near a reversal is stiff), and then the piece is left to CVODES.
+Where a controller acts every millisecond, restarting a multistep integrator at every instant costs more than
+the physics. One explicit step usually suffices for such a short piece; if its error estimate is too large
+(dry friction near a reversal is stiff), the piece is left to CVODES.
 
 J. R. Dormand, P. J. Prince, J. Comp. Appl. Math. 6 (1980) 19-26, the pair of orders 5 and 4.
 """
@@ -16,7 +16,7 @@ import casadi as ca
 
 __all__ = ["explicit_step"]
 
-#: Instants of the stages, as parts of the step.
+#: Instants of the stages, as fractions of the step.
 NODES = (0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0)
 #: Weights of the earlier stages in each stage; the last row is the result of order 5.
 STAGES = (
@@ -38,10 +38,10 @@ def explicit_step(
     """The state one step later, and the error estimate relative to the tolerance: above 1 is too much.
 
     Args:
-        rate: (part of the step that has passed, state) -> time derivative; SX or MX as `state` is.
+        rate: (elapsed fraction of the step, state) -> time derivative; SX or MX like `state`.
         state: at the start, rows x 1.
         length: of the step [s].
-        rtol, atol: the error is the root mean square of error/(rtol |x| + atol), as CVODES takes it.
+        rtol, atol: the error is the root mean square of error/(rtol |x| + atol), as in CVODES.
     """
     slopes: list[Any] = []
     later = state

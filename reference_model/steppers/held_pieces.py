@@ -1,8 +1,8 @@
 """The course of a sampled controller's loop: pieces between two instants, in which the command is held.
 
-Most pieces are short enough for one explicit step (`explicit_step`). These are taken many at a time, as a
-chain that runs without coming back to Python after each; a piece whose step is not accurate enough (friction
-near a reversal is stiff) is left to an implicit method, and the chain goes on after it.
+Most pieces are short enough for one explicit step (`explicit_step`). Many of them run as one chain without
+returning to Python after each; a piece whose step is not accurate enough (friction near a reversal is stiff)
+is left to an implicit method, and the chain continues after it.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 #: (state, held command, from, to [s]) -> state.
 Piece = Callable[[Array, Array, float, float], Array]
 
-#: Two instants closer than this part of the sample interval are the same instant, written with rounding.
+#: Two instants closer than this fraction of the sample interval are the same instant up to rounding.
 SAME_INSTANT = 1e-9
-#: Pieces of a chain: one after a step that was refused, more as long as none is.
+#: Pieces of a chain: one after a rejected step, more as long as none is rejected.
 LENGTHS = (1, 8, 64)
 
 
@@ -47,7 +47,7 @@ class _Schedule:
 
     @classmethod
     def of(cls, time: Array, hold: float) -> _Schedule:
-        """Of outputs at `time`, which begins at 0, and a controller that acts every `hold` [s]."""
+        """Grid for outputs at `time`, which begins at 0, and a controller that acts every `hold` [s]."""
         ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
         both = np.concatenate([ticks, time])
         order = np.argsort(both, kind="stable")
@@ -121,7 +121,7 @@ def in_pieces(
 
 
 def _given(plant: Plant, reference: ca.Function, schedule: _Schedule) -> Array:
-    """What is known of each piece, and of the end: see `_piece`, shape (P + 1, K)."""
+    """Known inputs of each piece, and of the end: see `_piece`, shape (P + 1, K)."""
     instants, along = schedule.instants, Batched(reference)
     lengths = np.append(np.diff(instants), 0.0)
     known = [instants, lengths, schedule.acts, *along(instants[:, None])]
@@ -131,7 +131,7 @@ def _given(plant: Plant, reference: ca.Function, schedule: _Schedule) -> Array:
 
 
 def _symbols(plant: Plant) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """State and command at the start of a piece, what is known of it, and the command in it."""
+    """State and command at the start of a piece, its known inputs, and the command in it."""
     joints, size = plant.layout.joints, plant.layout.size
     count = 3 + 3 * joints + (len(NODES) * joints if plant.layout.integral else 0)
     before, given = ca.SX.sym("before", size + plant.commands), ca.SX.sym("given", count)
@@ -147,7 +147,7 @@ def _law(plant: Plant) -> ca.Function:
 
 
 def _piece(plant: Plant, rtol: float, atol: float) -> ca.Function:
-    """One explicit step: [state; command], what is known -> the same after, the command, the error.
+    """One explicit step: [state; command], known inputs -> the same after it, the command, the error.
 
     Known are the start [s], the length [s], whether the controller acts at the start, the reference and its
     two derivatives there; and, where the loop integrates its error, the reference at each stage of the step.

@@ -1,11 +1,11 @@
 """The closed loop of a sampled controller by linearly implicit steps, each from one command to the next.
 
-A multistep method starts anew with every command, at order one and with many short steps, and where something
-is stiff (smoothed friction of a joint at rest, bristles) an explicit step does not do instead. A Rosenbrock
-method (`rosenbrock_tables`) has its full order from the first step on. Runs uncompiled: nothing to wait for,
-so that robots which are run once or twice gain too.
+A multistep method restarts with every command, at order one and with many short steps, and in stiff cases
+(smoothed friction of a joint at rest, bristles) an explicit step is no alternative. A Rosenbrock method
+(`rosenbrock_tables`) has its full order from the first step on. It runs uncompiled, so that robots which are
+run once or twice gain too.
 
-A piece that takes too many steps is left to CVODES, which says why if it cannot either.
+A piece that takes too many steps is left to CVODES, which reports the reason if it also fails.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ __all__ = ["integrate_held"]
 
 Array = NDArray[np.float64]
 
-#: Share of the step that would just do, and limits of its change.
+#: Safety factor on the step that would just meet the tolerance, and limits of its change.
 SAFETY, LEAST, MOST = 0.9, 0.2, 6.0
-#: Steps in a piece, refused ones too, after which it is left to CVODES.
+#: Steps in a piece, including rejected ones, after which it is left to CVODES.
 MOST_STEPS = 100
 #: From this relative tolerance on the method of order 4 takes less time than that of order 5.
 COARSE = 1e-6
@@ -57,7 +57,7 @@ def integrate_held(
         effort: to which the steps are added.
 
     Raises:
-        InputError: the integration fails; says when, in which state, and what to try.
+        InputError: the integration fails; the message gives time, state and what to try.
     """
     options = cvodes_options(rtol, atol)
     implicit = _Implicit(plant, reference, rtol, atol, effort or Effort())
@@ -85,7 +85,7 @@ class _Implicit:
         self._reference = Single(reference) if plant.layout.integral else None
         self._tables = RODAS4 if rtol >= COARSE else RODAS5P
         self._still = np.zeros((plant.layout.joints, 1))
-        self._step = np.inf  # the last piece's, with which the next begins
+        self._step = np.inf  # of the last piece, the initial step of the next
         t, x = ca.SX.sym("t"), ca.SX.sym("x", plant.layout.size)
         r, u = ca.SX.sym("r", plant.layout.joints), ca.SX.sym("u", plant.commands)
         rate = plant.rate(t, x, r, u)
@@ -115,7 +115,7 @@ class _Implicit:
         return state
 
     def _goal(self, instant: float) -> tuple[Array, Array]:
-        """Reference and its rate, where anything but the command depends on them."""
+        """Reference and its rate, where more than the command depends on them."""
         if self._reference is None:
             return self._still[:, 0], self._still[:, 0]
         found = self._reference(instant)

@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-#: Steps CVODES may take between two output instants before it gives up; a stiff reversal takes hundreds.
+#: Largest number of CVODES steps between two output instants; a stiff reversal takes hundreds.
 MAX_STEPS = 10_000
 
 #: Longest step in output intervals. CVODES would otherwise step over a short pulse that begins during a rest,
@@ -85,7 +85,7 @@ def integrate(
         compile_code: run the plant as compiled C where that is possible.
 
     Raises:
-        InputError: the integration fails; says when, in which state, and what to try.
+        InputError: the integration fails; the message gives time, state and what to try.
     """
     options = cvodes_options(rtol, atol)
     if hold <= 0 and len(time) > 1:  # pieces of a sampled run are short anyway, and count time from 0 to 1
@@ -115,7 +115,7 @@ def cvodes(dae: Mapping[str, Any], grid: Any, options: Mapping[str, Any], compil
 
 
 def symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
-    """Symbols of time and state of the kind that `reference` can take, and that kind."""
+    """Symbols of time and state of the type that `reference` accepts, and that type."""
     kind = ca.SX if reference.is_a("SXFunction") else ca.MX
     return kind.sym("t"), kind.sym("x", size), kind
 
@@ -143,10 +143,10 @@ def _continuous(
 
 
 def along_tables(plant: Plant, reference: ca.Function) -> dict[str, ca.Function]:
-    """Right-hand side and Jacobian for a reference that only MX graphs can hold, as CVODES looks for them.
+    """Right-hand side and Jacobian for a reference that only MX graphs can hold, as CVODES expects them.
 
-    MX derives every call of a function by itself, and multiplies what comes of them. Here the loop around the
-    reference is derived as one SX expression, of which MX only hands over the reference's values: the same
+    MX differentiates every call of a function separately and multiplies the results. Here the loop around the
+    reference is differentiated as one SX expression, to which MX only passes the reference's values: the same
     numbers in a fifth of the time for an arm of six joints.
     """
     t, x = ca.SX.sym("t"), ca.SX.sym("x", plant.layout.size)
@@ -170,7 +170,7 @@ def along_tables(plant: Plant, reference: ca.Function) -> dict[str, ca.Function]
 
 
 def _with_restarts(plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any]) -> Array:
-    """States at all instants, starting afresh at each: what fails here cannot be integrated."""
+    """States at all instants, restarting at each: the last attempt before an error."""
     advance = _advance(plant, reference, options, held=False, compile_code=False)
     states = [plant.initial(reference)]
     for now, then in itertools.pairwise(time):
@@ -186,7 +186,7 @@ def _sampled(
     options: Mapping[str, Any],
     compile_code: bool,
 ) -> Course:
-    """By one explicit step for each piece where that is accurate enough, else by CVODES."""
+    """Integration with one explicit step for each piece where that is accurate enough, else CVODES."""
     advance = advance_held(plant, reference, options, compile_code=compile_code)
     rtol, atol = options["reltol"], options["abstol"]
     course = in_pieces(
@@ -251,7 +251,7 @@ def _stopped(plant: Plant, instant: float, state: Array, command: Array, error: 
 
 
 def stopped(plant: Plant, instant: float, state: Array, command: Array, reason: str) -> InputError:
-    """What to say when the integration stops after `instant` [s] in this state; the reason may be empty."""
+    """Error for an integration that stops after `instant` [s] in this state; the reason may be empty."""
     watched = dict(zip(Plant.WATCHED, plant.watch(instant, state, np.zeros(plant.layout.joints), command)))
     if not float(watched["residual"]) < LOOP_TOLERANCE:
         return unsettled(plant.robot, instant)
@@ -265,7 +265,7 @@ def stopped(plant: Plant, instant: float, state: Array, command: Array, reason: 
 
 
 def _where(plant: Plant, state: Array, tips: Array) -> str:
-    """The state in words: joints, spherical joints, and how far the tips of flexible links are deflected."""
+    """Text description of the state: joints, spherical joints, and tip deflections of flexible links."""
     parts, robot = plant.layout.split(state), plant.robot
     words = [
         f"{joint.name} at {q:.4g} {'m' if joint.kind == 'prismatic' else 'rad'} "

@@ -1,13 +1,13 @@
 """The closed loop integrated by linearly implicit steps, all of it compiled C: stable however stiff.
 
-Bristles, tight control and ringing links are stiff: explicit steps then get as short as stability asks for,
-and CVODES, a multistep method, spends more around its many steps than the equations of a few bodies cost. A
+Bristles, tight control and vibrating links are stiff: explicit steps are then limited by stability, and the
+overhead of CVODES, a multistep method with many steps, exceeds the cost of the equations of a few bodies. A
 Rosenbrock method takes a few long steps, each with one derivative of the equations, one factorisation and no
-iteration (`rosenbrock.c`). Where friction or control is stiff it is the fastest of ours down to errors of
-about 1e-7.
+iteration (`rosenbrock.c`). For stiff friction or control it is the fastest of our integrators down to errors
+of about 1e-7.
 
-The derivative comes from the equations before they are solved (`Plant.implicit`), which takes a part of the
-operations that the derivative of their solution takes: a tenth for arms whose friction follows bearing loads.
+The derivative is that of the equations before they are solved (`Plant.implicit`), which needs fewer
+operations than the derivative of their solution: a tenth for arms whose friction depends on bearing loads.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ METHODS = {"coarse": RODAS4, "fine": RODAS5P}
 
 
 class RosenbrockRun:
-    """A closed loop, made ready to be integrated again and again.
+    """A closed loop, prepared for repeated integration.
 
     Args:
         plant: the closed loop; its controller is continuous.
         reference: t -> r, rd, rdd.
 
     Attributes:
-        steps, evaluations, derivatives, refused: of the last run; the last are steps thrown away.
+        steps, evaluations, derivatives, refused: of the last run; the last are rejected steps.
         functions: (t, x) -> rate, unknowns, and (t, x, unknowns) -> derivative, as they are compiled.
 
     Raises:
@@ -104,7 +104,7 @@ class RosenbrockRun:
             ctypes.c_double(),
         )
         self._room = np.zeros(library.room_for_rosenbrock())
-        self._told = (
+        self._counters = (
             *(ctypes.byref(self._step), address(self._counts), ctypes.byref(self._reached)),
             address(self._room),
         )
@@ -120,10 +120,10 @@ class RosenbrockRun:
         Args:
             time: rising.
             rtol, atol: of one step.
-            longest: step [s]; the whole time when left out.
+            longest: step [s]; default is the total time.
 
         Raises:
-            InputError: the integration fails; says when, in which state, and what to try.
+            InputError: the integration fails; states when, in which state, and what to try.
         """
         time = np.ascontiguousarray(time, dtype=float)
         states = np.empty((len(time), self._plant.layout.size))
@@ -142,7 +142,7 @@ class RosenbrockRun:
     ) -> None:
         count = len(time)
         self._time[:count], self._states[0] = time, states[0]
-        flag = self._method(*same, count, *self._where, *settings, self._most, *self._told)
+        flag = self._method(*same, count, *self._where, *settings, self._most, *self._counters)
         states[1:] = self._states[1:count]
         if flag:
             raise broken_off(self._plant, self._reference, (time, states), self._reached.value, REASONS[flag])
@@ -166,7 +166,7 @@ def integrate_rosenbrock(
         plant: the closed loop.
         reference: t -> r, rd, rdd.
         time: output instants [s], rising.
-        hold: interval over which a command is held [s]; only 0, a continuous controller, can be had here.
+        hold: interval over which a command is held [s]; only 0, a continuous controller, is supported.
         rtol, atol: tolerances of a step.
 
     Raises:

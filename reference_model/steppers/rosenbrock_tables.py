@@ -1,7 +1,7 @@
 """Coefficients of two Rosenbrock methods, L-stable and stiffly accurate, with errors and dense output.
 
 RODAS of order 4 with six stages: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed. 1996,
-IV.7 and IV.10. Rodas5P of order 5 with eight: Steinebach, BIT Numerical Mathematics 63 (2023) 27. Tests hold
+IV.7 and IV.10. Rodas5P of order 5 with eight: Steinebach, BIT Numerical Mathematics 63 (2023) 27. Tests check
 the orders of results, errors and interpolation.
 """
 
@@ -22,7 +22,7 @@ class Tables:
     """A Rosenbrock method with s stages in the form that solves equations only (Hairer and Wanner's 7.25).
 
     ``(1/(gamma h) - J) u_i = f(t + c_i h, x + sum a_ij u_j) + sum C_ij u_j / h + d_i h f_t``. The result is
-    the last stage's place plus its u, which is the error as well.
+    the last stage's point plus its u, which is also the error estimate.
 
     Attributes:
         gamma: the common diagonal.

@@ -2,9 +2,9 @@
 
 Dormand and Prince's method of order 8 with dense output (Hairer, Norsett, Wanner, Solving Ordinary
 Differential Equations I, 1993, II.5-6), or Radau IIA of order 5 where effects have states of their own, which
-are stiff. A zero of the dense output ends a piece: a sliding joint comes to rest, or the force that holds a
-sticking one reaches its bound. Then the modes of all joints at rest are asked for anew together, because what
-one joint does changes the loads and accelerations of the others.
+are stiff. A zero of the dense output ends a piece: a sliding joint comes to rest, or the holding force of a
+sticking one reaches its bound. Then the modes of all joints at rest are determined again together, because
+each joint changes the loads and accelerations of the others.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ __all__ = ["integrate_sticking"]
 
 Array = NDArray[np.float64]
 
-#: How far a holding force goes past its bound before the joint breaks away, relative to 1 + the bound. The
-#: joint then accelerates beyond doubt, and one that was just found sticking is not let go by rounding.
+#: Excess of a holding force over its bound at which the joint breaks away, relative to 1 + the bound. The
+#: joint then certainly accelerates, and a joint just found sticking is not released by rounding.
 PAST_THE_BOUND = 1e-10
-#: A joint that slides ends its slide this far beyond zero, and is then put to rest [rad/s or m/s]. One that
+#: A sliding joint is stopped this far beyond zero speed, and is then set to rest [rad/s or m/s]. One that
 #: breaks away is faster within microseconds.
 PAST_REST = 1e-12
-#: Joints slower than this are at rest: the former and the rounding of its root.
+#: Joints slower than this are at rest: the above with a margin for rounding.
 AT_REST = 10 * PAST_REST
 #: More changes of mode than this within the longest step are chattering, not motion.
 MOST_CHANGES = 500
@@ -62,7 +62,7 @@ def integrate_sticking(
     Every evaluation of the equations of motion adds the number of states to `effort`.
 
     Raises:
-        InputError: stick and slip alternate without end, no modes fit, or the integration fails; says when.
+        InputError: stick and slip alternate without end, no modes fit, or the integration fails.
     """
     sampled = hold > 0
     functions = _Functions(plant, reference, sampled, compile_code)
@@ -90,7 +90,7 @@ def integrate_sticking(
 
 
 class _Functions:
-    """What the integration evaluates, as functions of (t, x, held command, mode).
+    """Functions evaluated by the integration, of (t, x, held command, mode).
 
     Attributes:
         plant: the closed loop.
@@ -132,9 +132,9 @@ class _Functions:
 
 
 def _pieces(time: Array, hold: float) -> Iterator[tuple[float, Array, bool]]:
-    """Ends of the pieces over which a command is held, the outputs in each, whether the controller acts then.
+    """Ends of the pieces with a held command, the outputs in each, and whether the controller acts then.
 
-    Outputs are instants after the piece before; one that is the instant of the controller ends its piece.
+    Outputs are instants after the previous piece; one at a controller instant ends its piece.
     """
     wanted = time[1:].copy()
     count = int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) if hold > 0 else 0
@@ -215,7 +215,7 @@ def _events(functions: _Functions, command: Array, mode: Array) -> list[Callable
 
 
 def _agreed(functions: _Functions, now: float, state: Array, command: Array) -> tuple[Array, Array]:
-    """The state with joints at rest exactly at rest, and modes that fit it; as many joints stick as can."""
+    """The state with resting joints exactly at rest, and consistent modes with the most sticking joints."""
     state = state.copy()
     speed = state[functions.speeds]  # a view
     dry = functions.plant.dry

@@ -1,4 +1,4 @@
-"""What several controllers have in common."""
+"""Common parts of several controllers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Reading(Description):
 
     feedback: Literal["motor", "joint"] = Field(
         default="motor",
-        description="which encoder a joint with an elastic gear or with play is controlled by; elsewhere "
+        description="encoder used to control a joint with an elastic gear or with play; for other joints "
         "both are the same",
     )
 
@@ -31,12 +31,12 @@ class Sampled(Reading):
 
 
 def numbers(gains: float | tuple[float, ...]) -> tuple[float, ...]:
-    """The numbers of a gain, which is one for all moving joints or one for each."""
+    """The values of a gain, one for all moving joints or one for each."""
     return gains if isinstance(gains, tuple) else (gains,)
 
 
 def positive(controller: Description, keys: Iterable[str]) -> None:
-    """Raise `ValueError` for a gain of these keys that is not above zero, with key and value."""
+    """Raise `ValueError` for a gain of these keys that is not positive, with key and value."""
     for key in keys:
         for number in numbers(getattr(controller, key)):
             if number <= 0:

@@ -1,4 +1,4 @@
-"""Controllers beyond computed torque, which take friction and payload for unknown, as data."""
+"""Controllers beyond computed torque, for unknown friction and payload, as data."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot_model.input.fields import Gains, NonNegative, Positive
 
 __all__ = ["AdaptiveNetwork", "SlidingMode"]
 
-#: Weights of more would take more time than the motion itself.
+#: Largest number of centres; more weights would take more time than the motion itself.
 MOST_CENTRES = 500
 
 
@@ -32,9 +32,9 @@ class SlidingMode(Sampled):
     )
     slope: Gains = Field(description="of the sliding line, one number or one per moving joint [1/s]")
     reaching: Literal["constant", "exponential"] = Field(default="constant", description="reaching law")
-    rate: Gains = Field(description="how fast s falls outside the layer [rad/s^2 or m/s^2]")
+    rate: Gains = Field(description="rate of decrease of s outside the layer [rad/s^2 or m/s^2]")
     proportional: Gains = Field(default=0.0, description="of the exponential reaching law [1/s]")
-    boundary_layer: Gains = Field(description="s below which the switching is linear [rad/s or m/s]")
+    boundary_layer: Gains = Field(description="value of s below which the switching is linear [rad/s or m/s]")
 
     @model_validator(mode="after")
     def _possible(self) -> SlidingMode:
@@ -50,18 +50,18 @@ class SlidingMode(Sampled):
 
 
 class AdaptiveNetwork(Sampled):
-    """Computed torque with a radial basis network that learns what the model lacks while it runs.
+    """Computed torque with a radial basis network that learns the model error while it runs.
 
     u = Z(q) (rdd + kd ed + kp e + W^T phi(x)) - z(q, qd), e = r - q, ed = rd - qd. The network's input x are
-    positions and velocities of all moving joints, each less the middle and over half the range of its
+    positions and velocities of all moving joints, each minus the middle and divided by half the range of its
     reference; phi_j = exp(-|x - c_j|^2 / (2 width^2)), with centres c_j on the reference at instants that are
     spread evenly over its duration. Each joint's weights obey
 
         dW/dt = adaptation (phi s - leakage W),   s = ed + (kd/2) e
 
-    which makes V = (ed^2 + (kp + kd^2/2) e^2 + kd e ed + |W - W*|^2/adaptation)/2, summed over the joints,
-    fall but for the leakage (sigma modification), which keeps the weights bounded, and for what no W* of
-    these centres can represent. The weights are zero at the start.
+    so that V = (ed^2 + (kp + kd^2/2) e^2 + kd e ed + |W - W*|^2/adaptation)/2, summed over the joints,
+    decreases except for the leakage (sigma modification), which keeps the weights bounded, and for the part
+    that no W* of these centres can represent. The weights are zero at the start.
     """
 
     kind: Literal["adaptive_network"] = "adaptive_network"
@@ -74,11 +74,9 @@ class AdaptiveNetwork(Sampled):
         description="number of centres, at most the number of the recording's samples [-]"
     )
     width: Positive = Field(description="of the basis functions, in half ranges of the reference [-]")
-    adaptation: NonNegative = Field(
-        description="how fast weights follow the error; 0 keeps them zero [1/s^2]"
-    )
+    adaptation: NonNegative = Field(description="adaptation rate of the weights; 0 keeps them zero [1/s^2]")
     leakage: NonNegative = Field(
-        default=0.0, description="how fast weights are forgotten, over adaptation [s]"
+        default=0.0, description="decay rate of the weights divided by adaptation [s]"
     )
 
     @model_validator(mode="after")

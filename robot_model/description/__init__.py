@@ -1,1 +1,1 @@
-"""What a robot is: its types, what must hold among them, and what a recording of it is."""
+"""Types of a robot description, their consistency checks, and the type of recordings."""

@@ -1,4 +1,4 @@
-"""Whether a link with a robot's effects is a body that can be: mass, first moment and inertia."""
+"""Whether a link with a robot's effects is realisable: mass, first moment and inertia."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot_model.input.fields import inertia_fault
 
 __all__ = ["require_body"]
 
-#: What rounding may leave of a mass or an inertia that an effect takes away, as a part of either.
+#: Relative tolerance for rounding of a mass or an inertia that an effect subtracts.
 ROUNDING = 1e-9
 
 
@@ -38,7 +38,7 @@ def require_body(
 
 
 def _fault(mass: float, first_moment: NDArray[np.float64], inertia: NDArray[np.float64]) -> str:
-    """What is wrong, as the object of "has"; empty when nothing is."""
+    """The fault, as the object of "has"; empty if there is none."""
     size = float(np.abs(inertia).max())
     if mass < -ROUNDING:
         return f"a mass of {mass:g} kg, and no mass is negative"

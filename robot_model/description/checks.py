@@ -1,6 +1,6 @@
-"""What must hold between the parts of a robot; each check raises `ValueError` with key, value and remedy.
+"""Consistency checks of a robot; each raises `ValueError` with key, value and remedy.
 
-Called once, when a `Robot` is made: behind it everybody trusts the description.
+Called once, when a `Robot` is made: all other code trusts the description.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ GAIN_KEYS = (
     *("slope", "rate", "proportional", "boundary_layer"),
 )
 
-#: How far a joint may sit from a node of the beam that carries it, as a part of the beam's length.
+#: Tolerated distance of a joint from a node of the beam that carries it, relative to the beam's length.
 NODE_TOLERANCE = 1e-6
 
 
 def check_robot(robot: Robot) -> None:
-    """All checks, in an order in which the first failure is the most telling."""
+    """All checks, ordered so that the first failure is the most informative."""
     _names_are_unique(robot)
     _bodies_exist(robot)
     _is_a_tree(robot)
@@ -48,7 +48,7 @@ def check_robot(robot: Robot) -> None:
 
 
 def in_tree_order(joints: Iterable[Joint]) -> tuple[Joint, ...]:
-    """The joints that hang on the base, each after the one that carries its parent; else in file order."""
+    """The joints connected to the base, each after the one that carries its parent; else in file order."""
     waiting: dict[str, list[tuple[int, Joint]]] = {}
     for index, joint in enumerate(joints):
         waiting.setdefault(joint.parent, []).append((index, joint))
@@ -128,7 +128,7 @@ def _gains_fit(robot: Robot) -> None:
 
 
 def _centres_fit(robot: Robot) -> None:
-    """A network's centres sit on the reference, which has no more different places than samples."""
+    """A network's centres lie on the reference, which has no more distinct points than samples."""
     centres = getattr(robot.controller, "centres", None)
     if centres is None:
         return
@@ -164,7 +164,7 @@ def _base_hold_fits(robot: Robot) -> None:
 
 
 def _feedforward_fits(robot: Robot) -> None:
-    """A friction in proportion to a load that nothing tells would silently be nothing."""
+    """Without a bearing, friction in proportion to the load would silently be zero."""
     share = getattr(robot.controller, "load_feedforward", 0.0)
     joints = robot.moving_joints
     shares = share if isinstance(share, tuple) else (share,) * len(joints)
@@ -198,7 +198,7 @@ def _sensors_fit(robot: Robot) -> None:
 
 
 def _gauge_exists(robot: Robot, channel: str) -> None:
-    """A beam's gauges are numbered from 1; what another link measures is not known here."""
+    """A beam's gauges are numbered from 1; gauges of other links are not known here."""
     place, quantity, *rest = channel.split(".")
     beam = next((link.beam for link in robot.links if link.name == place), None)
     numbers = [str(number + 1) for number in range(len(beam.gauges))] if beam else []
@@ -220,10 +220,10 @@ def _known_exists(robot: Robot) -> None:
 
 
 def _moves_inertia(robot: Robot) -> None:
-    """A massless link is fine between others; a coordinate that moves no inertia at all is not."""
+    """A massless link is allowed between others; a coordinate that moves no inertia is not."""
     massless = {link.name for link in robot.links if link.mass == 0 and not link.flexible}
     if any(use.at in massless for use in robot.effects):
-        return  # an effect such as a payload brings the mass, and what it brings is not known here
+        return  # an effect such as a payload adds mass, which is not known here
     idle = idle_coordinate(robot)
     if idle == "base":
         raise ValueError("base.inertia: the free base turns without any inertia; give its moments of inertia")

@@ -1,4 +1,4 @@
-"""Controllers and reference motions, as data; each engine carries them out by itself."""
+"""Controllers and reference motions, as data; each engine implements them separately."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class NoController(Description):
 
 
 class _Feedforward(Sampled):
-    """What joint controllers add to their torque, and how often they compute it."""
+    """Feed-forward terms of joint controllers, and their sample time."""
 
     coulomb_feedforward: Gains = Field(
         default=0.0, description="friction torque added along the reference velocity [N m or N]"
     )
     load_feedforward: Gains = Field(
         default=0.0,
-        description="friction coefficient; times the nominal load of the `bearing` it is added likewise [-]",
+        description="friction coefficient; times the nominal load of the `bearing`, added likewise [-]",
     )
 
 
@@ -59,12 +59,12 @@ class JointPD(_Feedforward):
 class ComputedTorque(_Feedforward):
     """Computed torque with the nominal model: u = Z(q) (rdd + kd ed + kp e) - z(q, qd).
 
-    e = r - q and ed = rd - qd. The rigid model takes flexible links for undeformed rigid bodies of the same
-    mass; the full one measures modal coordinates and rates and eliminates the modal accelerations. Of a
-    free base attitude and velocities are measured, and its accelerations are eliminated: nothing pushes it.
-    With `base_kp` a wrench on the base, without limits, holds it at its initial pose: position and attitude
-    obey the same law with their own gains, the attitude error being twice the vector part of the quaternion
-    that leads back.
+    e = r - q and ed = rd - qd. The rigid model treats flexible links as undeformed rigid bodies of the same
+    mass; the full one measures modal coordinates and rates and eliminates the modal accelerations. For a
+    free base, attitude and velocities are measured, and its accelerations are eliminated: no force acts on
+    it. With `base_kp` an unlimited wrench on the base holds it at its initial pose: position and attitude
+    obey the same law with their own gains, the attitude error being twice the vector part of the return
+    quaternion.
     """
 
     kind: Literal["computed_torque"] = "computed_torque"
@@ -86,7 +86,7 @@ class ComputedTorque(_Feedforward):
 
 
 class VoltageServo(Sampled):
-    """A hobby servo: winding voltage = clip(gain (r - q), +-1) * supply; the motor's back-EMF acts."""
+    """A hobby servo: winding voltage = clip(gain (r - q), +-1) * supply, with the motor's back-EMF."""
 
     kind: Literal["voltage_servo"] = "voltage_servo"
     gain: Gains = Field(description="duty cycle per position error [1/rad]")
@@ -158,8 +158,8 @@ class Table(_JointPart):
     positions: tuple[Number, ...] = Field(min_length=4, description="positions [rad or m]")
     degree: Literal[3, 5] = Field(
         default=3,
-        description="of the spline: 3 is smooth in its acceleration, 5, of six instants or more, also in "
-        "the two derivatives beyond it",
+        description="of the spline: 3 has a continuous acceleration, 5 (six instants or more) also "
+        "continuous third and fourth derivatives",
     )
 
     @model_validator(mode="after")
@@ -179,7 +179,7 @@ class Table(_JointPart):
 JointReference = Annotated[Hold | Cycloid | Quintic | MultiSine | Table, Field(discriminator="kind")]
 
 
-#: Above this a recording of all channels no longer fits into memory; it is a slip in one of the two keys.
+#: Above this a recording of all channels no longer fits into memory; one of the two keys must be wrong.
 MOST_SAMPLES = 50_000_000
 
 

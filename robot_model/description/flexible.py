@@ -1,4 +1,4 @@
-"""Flexible links, as data: a straight beam by its section, or the modes of anybody's finite elements."""
+"""Flexible links, as data: a straight beam by its section, or the modes of an external FE model."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = [
 #: More elements than any beam needs: frequencies of the first modes converge within ten.
 MOST_ELEMENTS = 512
 
-#: A direction whose largest component is below this is taken for a forgotten one [-].
+#: A direction whose largest component is below this counts as missing [-].
 SHORTEST_DIRECTION = 1e-9
 
 #: Cosine between a beam's axis and its section's y axis above which the two are no longer perpendicular.
@@ -101,7 +101,7 @@ class Rectangle(Description):
 
 
 class GeneralSection(Description):
-    """Any section, by its figures; y and z are principal axes."""
+    """Any section, by its properties; y and z are principal axes."""
 
     kind: Literal["general"] = "general"
     area: Positive = Field(description="area of the section [m^2]")
@@ -158,7 +158,7 @@ class StrainGauge(Description):
 
 
 class Modes(Description):
-    """How many modes a flexible body keeps, and how they are damped."""
+    """Number and damping of a flexible body's modes."""
 
     modes: Count | None = Field(default=None, description="number of modes that are kept, lowest first")
     highest_frequency: Positive | None = Field(
@@ -194,7 +194,7 @@ class Beam(Modes):
     """A straight Euler-Bernoulli beam that begins at the link's frame, by lumped-mass finite elements.
 
     A joint on it must sit at one of its nodes, which are evenly spaced along it. The link's own `mass`,
-    `center_of_mass` and `inertia` are a rigid hub at the root, besides the beam.
+    `center_of_mass` and `inertia` are a rigid hub at the root, in addition to the beam.
     """
 
     length: Positive = Field(description="length [m]")
@@ -256,14 +256,14 @@ class Beam(Modes):
 
 
 class ModalBody(Modes):
-    """A flexible body from somebody's own finite elements: an NPZ file of mass and stiffness matrices.
+    """A flexible body from an external finite element model: an NPZ file of mass and stiffness matrices.
 
     The file holds `nodes` [m], shape (N, 3), in the link's frame, and `mass` and `stiffness` of the free
     body, square of 6 N rows (three displacements, then three rotations of each node) or 3 N rows
     (displacements only), in SI units; either dense, or sparse as `mass_data`, `mass_indices`, `mass_indptr`
     (compressed rows) and likewise for `stiffness`. With clamped modes the nodes of `root` are fixed to the
-    link's frame; nodes without rotations hold a body only when three or more are named that are not in line.
-    The link's own `mass`, `center_of_mass` and `inertia` are a rigid hub besides.
+    link's frame; nodes without rotations hold a body only if three or more that are not in line are named.
+    The link's own `mass`, `center_of_mass` and `inertia` are an additional rigid hub.
     """
 
     file: str = Field(min_length=1, description="NPZ file, relative to the robot file")
@@ -273,7 +273,7 @@ class ModalBody(Modes):
         "joint's",
     )
     tip: Index | None = Field(
-        default=None, description="index of the node that `tip_deflection` is about; the last when left out"
+        default=None, description="index of the node of `tip_deflection`; default is the last"
     )
 
     @property
@@ -283,10 +283,10 @@ class ModalBody(Modes):
 
 
 class SprungMass(Description):
-    """A point mass on springs at the origin of the link's frame, alike in all directions: a sloshing liquid.
+    """A point mass on springs at the origin of the link's frame, equal in all directions: a sloshing liquid.
 
-    The link's own `mass`, `center_of_mass` and `inertia` are a rigid hub besides. Displacements are in the
-    link's axes; the channel LINK.tip_deflection tells them.
+    The link's own `mass`, `center_of_mass` and `inertia` are an additional rigid hub. The channel
+    LINK.tip_deflection holds the displacements in the link's axes.
     """
 
     mass: Positive = Field(description="mass on the springs [kg]")

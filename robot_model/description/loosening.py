@@ -1,8 +1,8 @@
-"""A robot with clearances as one with more joints: two slides across the axis of every loose joint.
+"""A robot with clearances as one with more joints: two slides perpendicular to each joint with clearance.
 
-Between the parent and a loose joint come two links without mass, moved by passive prismatic joints
-`JOINT_clearance_x` and `JOINT_clearance_y`, along two axes across the joint's own. They stand at the end of
-the file's order. A joint controller gets gains of zero for them: it believes in the ideal joint.
+Between the parent and the joint are two massless links, moved by passive prismatic joints
+`JOINT_clearance_x` and `JOINT_clearance_y`, along two axes perpendicular to the joint's own. They come at the
+end of the file's order. A joint controller gets zero gains for them: it assumes an ideal joint.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SLIDES = ("clearance_x", "clearance_y")
 
 
 def loosened(robot: Robot) -> Robot:
-    """The robot with the slides of its loose joints; itself where it has none or has them already.
+    """The robot with the slides of its joints with clearance; unchanged if it has none or has them already.
 
     Raises:
         InputError: the name of a slide is taken.
@@ -65,7 +65,7 @@ def _across(joint: Joint) -> tuple[Vector, Vector]:
 
 
 def _gained(robot: Robot, more: int) -> Any:
-    """The controller with gains for so many more joints."""
+    """The controller with gains for this number of additional joints."""
     controller, count = robot.controller, len(robot.moving_joints)
     believes = isinstance(controller, ComputedTorque | JointPD)
     changes: dict[str, Any] = {}

@@ -1,8 +1,8 @@
 """Whether every coordinate of a robot moves some inertia: whether its mass matrix is regular.
 
-The articulated-body inertias (Featherstone, Rigid Body Dynamics Algorithms, 2008, eq. 7.23-7.25) are swept
-from the tips to the base in a pose without symmetry. A pivot that vanishes there vanishes in every pose, but
-for accidents of measure zero, so that the answer is about the robot and not about where it stands.
+The articulated-body inertias (Featherstone, Rigid Body Dynamics Algorithms, 2008, eq. 7.23-7.25) are computed
+from the tips to the base in a pose without symmetry. A pivot that vanishes there vanishes in every pose,
+except for a set of measure zero, so that the result holds for the robot and not only for that pose.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ __all__ = ["idle_coordinate"]
 
 Matrix = NDArray[np.float64]
 
-#: A pivot below this part of all inertia outboard of it is rounding error. Rounding is about 1e-15 of it;
+#: A pivot below this fraction of all inertia outboard of it is rounding error. Rounding is about 1e-15 of it;
 #: the roll inertia of a rod 10 m long and 2 mm thick is 1e-8 of it.
 ROUNDING = 1e-12
 
-#: Centre of mass of a body whose own is not known here, on no axis of symmetry [m].
+#: Substitute centre of mass of a body whose own is not known here, on no axis of symmetry [m].
 SOMEWHERE = np.array([0.31, 0.17, 0.23])
 
 #: Golden section: multiples of it, folded to one turn, fall on no symmetric pose.
@@ -57,7 +57,7 @@ def idle_coordinate(robot: Robot) -> str | None:
 
 
 def _rotors(robot: Robot) -> dict[str, float]:
-    """Moving joint to the rotors' inertia that its motion alone moves [kg m^2 or kg]."""
+    """Moving joint to the reflected rotor inertia for its motion alone [kg m^2 or kg]."""
     reflected = np.array([drive.reflected_inertia for drive in robot.drives])
     felt = reflected @ robot.coupling**2  # the diagonal of C^T B C
     return {joint.name: float(value) for joint, value in zip(robot.moving_joints, felt)}
@@ -74,14 +74,14 @@ def _motion(joint: Joint) -> Matrix:
 
 @dataclass(frozen=True)
 class _Outboard:
-    """A body and all that hangs on it, as felt at its frame.
+    """A body with all its outboard bodies, at its frame.
 
     Attributes:
         inertia: articulated-body inertia [linear; angular], shape (6, 6).
-        mass: sum of m over all mass points, d being the way to each along the links [kg].
-        lever: sum of m d, or more [kg m].
-        moment: sum of m d^2, or more: a bound of the moments of inertia in which nothing cancels, so that
-            the rounding errors of `inertia` are small beside it [kg m^2].
+        mass: sum of m over all mass points, with d the distance to each along the links [kg].
+        lever: upper bound of the sum of m d [kg m].
+        moment: upper bound of the sum of m d^2, thus of the moments of inertia, without cancellation, so that
+            the rounding errors of `inertia` are small compared with it [kg m^2].
     """
 
     inertia: Matrix
@@ -90,7 +90,7 @@ class _Outboard:
     moment: float
 
     def joined(self, other: _Outboard) -> _Outboard:
-        """Both together, felt at one frame."""
+        """Sum of both, at one frame."""
         return _Outboard(
             self.inertia + other.inertia,
             self.mass + other.mass,
@@ -126,7 +126,7 @@ def _turns_freely(base: _Outboard) -> bool:
 def _spatial_inertia(body: Inertial) -> Matrix:
     """Spatial inertia [linear; angular] about the frame's origin, shape (6, 6); a beam's is undeformed.
 
-    What a modal body weighs stands in its own file; that it has mass and moments of inertia is certain.
+    The mass of a modal body is in its own file; only that it has mass and moments of inertia is used.
     """
     hub = _point(body.mass, np.asarray(body.center_of_mass), body.inertia_matrix)
     if getattr(body, "modal", None) is not None:

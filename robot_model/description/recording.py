@@ -1,7 +1,7 @@
-"""`Recording`: what was measured or simulated, as named channels over time.
+"""`Recording`: measured or simulated data, as named channels over time.
 
-It lives beside the robot description because both engines return it, every reader makes it and every
-diagnosis reads it, while `robot_model` knows nobody: so no dependency turns round.
+It is next to the robot description because both engines return it, every reader makes it and every diagnosis
+reads it, while `robot_model` imports no other package: this avoids circular imports.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Recording:
         source: where it came from, for people.
         noise: standard deviation of the white noise of a channel, in its unit, where known.
         resolution: smallest step of a channel, in its unit, where known.
-        left_out: what of the file is not in it and why, as a clause for people; empty where nothing is.
+        left_out: omitted content of the file and the reason, as a clause for people; empty if complete.
 
     Arrays are copied and made read-only. Raises `InputError` when lengths differ or time does not rise.
     """
@@ -168,7 +168,7 @@ class Recording:
         return float(1.0 / np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
 
     def same_values(self, other: Recording) -> bool:
-        """Whether `other` holds the same samples of the same channels, whatever its time begins with."""
+        """Whether `other` holds the same samples of the same channels, whatever its initial time."""
         return self.channels.keys() == other.channels.keys() and all(
             np.array_equal(values, other.channels[name], equal_nan=True)
             for name, values in self.channels.items()

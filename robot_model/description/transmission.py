@@ -4,12 +4,12 @@ With the coordinates q of the joints and m of the motors, both behind the motors
 
     q = T m,    C = T^-1,    m = C q.
 
-Both sides do the same power, tau_q . qd = tau_m . md for every motion, so that torques go the other way:
+Both sides have the same power, tau_q . qd = tau_m . md for every motion, so that torques transform as:
 
     tau_q = C^T tau_m,    tau_m = T^T tau_q.
 
-A motor's inertia, friction and gear are functions of its own motion C q, and what they give acts on the
-joints by C^T: rotors of reflected inertia B as the mass matrix C^T B C.
+A motor's inertia, friction and gear are functions of its own motion C q, and their forces act on the joints
+by C^T: rotors of reflected inertia B as the mass matrix C^T B C.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ __all__ = [
     "transmitting_of",
 ]
 
-#: Condition number above which a matrix whose rows and columns are scaled to one counts as singular: what
-#: motors do to joints would be lost in rounding.
+#: Condition number above which a matrix whose rows and columns are scaled to one counts as singular: the
+#: joint torques would be lost in rounding.
 SINGULAR = 1e9
 
 
 class Motor(Actuator):
     """A motor of a transmission, with its own gear; the keys of an actuator.
 
-    What an actuator states at the joint is stated behind this gear, where the transmission begins.
+    Values that an actuator states at the joint are stated behind this gear, at the input of the transmission.
     """
 
     name: Name = Field(description="unique name of the motor, at which effects may sit and channels be named")
@@ -61,15 +61,15 @@ class Transmission(Description):
     """Motors that move several joints together: coupled wrists, differentials, parallelograms, linkages.
 
     `matrix` is T in q = T m, the joints' motion from the motors': one row for each joint, one column for each
-    motor, which count behind their own gears; all are zero together. Both sides do the same power for every
-    motion, tau_q . qd = tau_m . md, so that torques are tau_q = T^-T tau_m and tau_m = T^T tau_q. A wrist
-    whose motor 5 also turns axis 6 back by half has `joints = ["joint5", "joint6"]` and
+    motor, behind its own gear; all zero positions coincide. Both sides have the same power for every motion,
+    tau_q . qd = tau_m . md, so that torques are tau_q = T^-T tau_m and tau_m = T^T tau_q. A wrist whose
+    motor 5 also turns axis 6 back by half has `joints = ["joint5", "joint6"]` and
     `matrix = [[1.0, 0.0], [-0.5, 1.0]]`; a differential has `[[0.5, 0.5], [0.5, -0.5]]`.
 
     Its joints have no `actuator` of their own. A controller commands torques at the joints, and the motors
     give T^T of them within their limits. Effects of joints and of actuators sit at a joint or, as with
-    `at = "motor5"`, at a motor, where they see the motor's motion and torque and act on the joints by T^-T;
-    gears (elasticity, backlash, hysteresis) sit at motors, in front of the transmission.
+    `at = "motor5"`, at a motor, where they depend on the motor's motion and torque and act on the joints by
+    T^-T; gears (elasticity, backlash, hysteresis) sit at motors, in front of the transmission.
     """
 
     name: Name = Field(description="unique name of the transmission")
@@ -117,13 +117,13 @@ class Transmission(Description):
 
 @dataclass(frozen=True)
 class Drive:
-    """What stands behind one row of motors' coordinates: the motor of one joint, or one of a transmission.
+    """The motor of one coordinate: that of one joint, or one of a transmission.
 
     Attributes:
-        name: of the joint that it moves alone, else of the motor: where effects sit and channels are named.
+        name: of the joint that only it moves, else of the motor: the name for effects and channels.
         kind: whether its coordinate is an angle or a length.
         actuator: motor and gear; None where nothing drives the joint.
-        joint: the joint that it moves alone; None in a transmission.
+        joint: the joint that only it moves; None in a transmission.
     """
 
     name: str
@@ -143,7 +143,7 @@ class Drive:
 
     @property
     def position_limits(self) -> tuple[float, float] | None:
-        """Of the joint that it moves alone [rad or m]."""
+        """Initial position of its joint [rad or m]."""
         return self.joint.position_limits if self.joint else None
 
     @property
@@ -153,7 +153,7 @@ class Drive:
 
 
 def drives_of(robot: Robot) -> tuple[Drive, ...]:
-    """One for each moving joint; the motors of a transmission stand where its joints do, in its order."""
+    """One drive per moving joint; motors of a transmission take the indices of its joints, in order."""
     moving = robot.moving_joints
     found = [Drive(joint.name, joint.kind, joint.actuator, joint) for joint in moving]
     names = [joint.name for joint in moving]
@@ -164,7 +164,7 @@ def drives_of(robot: Robot) -> tuple[Drive, ...]:
 
 
 def coupling_of(robot: Robot) -> NDArray[np.float64]:
-    """C of the whole robot: drives' coordinates from the joints', shape (n, n); one without transmissions."""
+    """C of the entire robot: drive coordinates from joint coordinates, (n, n); identity by default."""
     names = [joint.name for joint in robot.moving_joints]
     matrix = np.eye(len(names))
     for transmission in robot.transmissions:
@@ -174,7 +174,7 @@ def coupling_of(robot: Robot) -> NDArray[np.float64]:
 
 
 def transmitting_of(robot: Robot) -> NDArray[np.float64]:
-    """T of the whole robot: joints' coordinates from the drives', shape (n, n); one without transmissions."""
+    """T of the entire robot: joint coordinates from drive coordinates, (n, n); identity by default."""
     names = [joint.name for joint in robot.moving_joints]
     matrix = np.eye(len(names))
     for transmission in robot.transmissions:
@@ -184,7 +184,7 @@ def transmitting_of(robot: Robot) -> NDArray[np.float64]:
 
 
 def check_transmissions(robot: Robot) -> None:
-    """Raises `ValueError` where transmissions and the rest of the robot do not fit."""
+    """Raises `ValueError` where transmissions and the rest of the robot are inconsistent."""
     moving = {joint.name: joint for joint in robot.moving_joints}
     taken = ["base", *(link.name for link in robot.links), *(joint.name for joint in robot.joints)]
     owner: dict[str, str] = {}

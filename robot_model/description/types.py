@@ -1,4 +1,4 @@
-"""What a robot is: an immutable, validated description of a tree of bodies.
+"""`Robot`: an immutable, validated description of a tree of bodies.
 
 Every length is in m, mass in kg, angle in rad, time in s unless its field says otherwise. Each body
 carries one frame, fixed in it; a link's frame sits at its inboard joint, so that the joint's transform is
@@ -44,10 +44,10 @@ __all__ = [
     "Transmission",
 ]
 
-#: An axis whose largest component is below this is taken for a forgotten one [-].
+#: An axis whose largest component is below this counts as missing [-].
 SHORTEST_AXIS = 1e-9
 
-#: Keys of a joint that mean nothing without a single coordinate.
+#: Keys that only a joint with one coordinate may have.
 ONE_COORDINATE = (
     "actuator",
     "bearing",
@@ -117,7 +117,7 @@ class Link(Inertial):
     name: Name = Field(description="unique name of the link")
     beam: Beam | None = Field(default=None, description="makes the link a flexible beam")
     modal: ModalBody | None = Field(
-        default=None, description="makes the link a flexible body of somebody's own finite elements"
+        default=None, description="makes the link a flexible body from an external finite element model"
     )
 
     sprung: SprungMass | None = Field(default=None, description="a point mass on springs at the link's frame")
@@ -137,7 +137,7 @@ class Link(Inertial):
 
     @property
     def flexible(self) -> bool:
-        """Whether it deforms."""
+        """Whether it is flexible."""
         return self.beam is not None or self.modal is not None or self.sprung is not None
 
 
@@ -147,8 +147,8 @@ class Bearing(Description):
     W = R_n F_axial + R_p F_radial + (R_p / R_b) N_bending, in N m. With a `span` the joint runs in two
     bearings that share radial force and bending moment as vectors,
     R_1,2 = F_radial/2 +- (H x N_bending)/span, and W = R_n F_axial + R_p (|R_1| + |R_2|). Moments are about
-    the joint frame's origin, which is midway between them. A guide with a span carries the moment about its
-    axis over R_b.
+    the joint frame's origin, which is midway between them. In a guide with a span the moment about its axis
+    enters with R_b.
     """
 
     radial_arm: NonNegative = Field(
@@ -164,7 +164,7 @@ class Bearing(Description):
 
 
 class Joint(Description):
-    """What connects a link to its parent."""
+    """The connection of a link to its parent."""
 
     name: Name = Field(description="unique name of the joint")
     kind: Literal["revolute", "prismatic", "spherical", "fixed"] = Field(
@@ -191,8 +191,10 @@ class Joint(Description):
     velocity_limit: Positive | None = Field(default=None, description="largest speed [rad/s or m/s]")
     actuator: Actuator | None = Field(default=None, description="motor and gear; a passive joint has none")
     bearing: Bearing | None = Field(default=None, description="bearing geometry for load-dependent friction")
-    clearance: Clearance | None = Field(default=None, description="play of the journal in its bearing")
-    thermal: Thermal | None = Field(default=None, description="its temperature, and friction that follows it")
+    clearance: Clearance | None = Field(default=None, description="clearance of the journal in its bearing")
+    thermal: Thermal | None = Field(
+        default=None, description="its temperature, and the temperature dependence of friction"
+    )
 
     @model_validator(mode="after")
     def _sound(self) -> Joint:
@@ -209,7 +211,7 @@ class Joint(Description):
         return self
 
     def _key_of_one_coordinate(self) -> str | None:
-        """A key that says something of the joint's one coordinate."""
+        """A given key that refers to the joint's single coordinate."""
         return next((key for key in ONE_COORDINATE if getattr(self, key)), None)
 
     @property
@@ -221,7 +223,7 @@ class Joint(Description):
 
 
 class Sensor(Description):
-    """How one channel is measured."""
+    """Measurement of one channel."""
 
     channel: str = Field(description="native channel name, such as `joint1.position`")
     noise: NonNegative = Field(
@@ -248,13 +250,13 @@ class EffectUse(BaseModel):
 
     effect: str = Field(description="effect id, see `missing-physics effects`")
     at: str = Field(
-        description="where it sits: a joint, a motor of a transmission, a link, `base`, or a sensor's channel"
+        description="its place: a joint, a motor of a transmission, a link, `base`, or a sensor's channel"
     )
 
     @model_validator(mode="before")
     @classmethod
     def _no_misspelt_key(cls, data: Any) -> Any:
-        """Where `effect` or `at` is missing, a key that holds text is its misspelling, not a parameter."""
+        """If `effect` or `at` is missing, a key that holds text is its misspelling, not a parameter."""
         absent = [key for key in cls.model_fields if key not in data] if isinstance(data, dict) else []
         for key, value in data.items() if absent else ():
             if key not in cls.model_fields and isinstance(value, str):
@@ -284,9 +286,11 @@ class Robot(Description):
     sensors: tuple[Sensor, ...] = Field(default=(), description="noise and resolution of measured channels")
     controller: Controller = Field(default_factory=NoController, description="what drives the actuators")
     reference: Reference | None = Field(default=None, description="the reference motion")
-    effects: tuple[EffectUse, ...] = Field(default=(), description="catalogue effects this robot already has")
+    effects: tuple[EffectUse, ...] = Field(
+        default=(), description="effects of the catalogue that this robot has"
+    )
     known: tuple[str, ...] = Field(
-        default=(), description="nominal figures a diagnosis must keep, such as `link1.mass` or `link1`"
+        default=(), description="nominal values that a diagnosis must keep, such as `link1.mass` or `link1`"
     )
 
     @model_validator(mode="after")
@@ -306,22 +310,22 @@ class Robot(Description):
 
     @property
     def spherical_joints(self) -> tuple[Joint, ...]:
-        """Joints with an attitude for a coordinate, in the order of the file."""
+        """Spherical joints, in the order of the file."""
         return tuple(joint for joint in self.joints if joint.kind == "spherical")
 
     @property
     def flexible_links(self) -> tuple[Link, ...]:
-        """Links that deform, in the order of the file: the order of all modal coordinates."""
+        """Flexible links, in the order of the file: the order of all modal coordinates."""
         return tuple(link for link in self.links if link.flexible)
 
     @property
     def drives(self) -> tuple[Drive, ...]:
-        """What moves the moving joints, one for each: its own motor, or a motor of a transmission."""
+        """The drives of the moving joints, one for each: its own motor, or a motor of a transmission."""
         return drives_of(self)
 
     @property
     def motors(self) -> tuple[Motor, ...]:
-        """Of all transmissions."""
+        """Motors of all transmissions."""
         return tuple(motor for transmission in self.transmissions for motor in transmission.motors)
 
     @property

@@ -1,4 +1,4 @@
-"""URDF and MJCF files changed in place: what is not changed keeps every byte."""
+"""URDF and MJCF files edited in place: everything else keeps every byte."""
 
 from robot_model.editing.source import Source, source_of
 from robot_model.editing.text import Marked, Tag

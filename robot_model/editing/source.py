@@ -1,4 +1,4 @@
-"""Where the numbers of an imported robot stand in its file, for programs that write into it."""
+"""Locations of an imported robot's parameters in its file, for programs that edit it."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ __all__ = ["Source", "source_of"]
 
 @dataclass(frozen=True)
 class Source:
-    """A URDF or MJCF file, and which of its parts a robot's are.
+    """A URDF or MJCF file, and the correspondence of its parts to those of a robot.
 
     Attributes:
         kind: of the file.
         content: of the file.
-        draft: its parts, links that an overlay holds to one another apart.
+        draft: its parts, before an overlay fixes links to one another.
         joints: moving joints of the robot by their names there.
-        links: by their names in the robot, the link of the file that moves, as it stands there.
-        groups: the same with all that is fixed to it.
+        links: by their names in the robot, the link of the file that moves, as in the file.
+        groups: the same with all links fixed to it.
         settings: of an MJCF file.
     """
 

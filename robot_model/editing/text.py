@@ -1,4 +1,4 @@
-"""An XML text whose attributes are changed where they stand; comments, order and spacing stay."""
+"""An XML text whose attributes are edited in place; comments, order and spacing stay."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from robot_model.input.errors import InputError
 
 __all__ = ["Marked", "Tag"]
 
-#: Whatever stands in a start tag: names with values in quotes.
+#: Content of a start tag: names with values in quotes.
 _ATTRIBUTE = r"(\s+){key}(\s*=\s*)(\"[^\"]*\"|'[^']*')"
 _START = re.compile(rb"<(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>")
 
 
 @dataclass(eq=False)
 class Tag:
-    """An element where it stands in the text.
+    """An element with its position in the text.
 
     Attributes:
         name: of the element.
         attributes: as read.
         start, stop: bytes of its start tag.
-        end: where its end tag begins; `stop` where it has none.
+        end: start of its end tag; `stop` where it has none.
         parent: None of the root.
         children: in order.
     """
@@ -55,13 +55,13 @@ class Tag:
 
 
 class Marked:
-    """A text and what is to be changed in it."""
+    """A text and its pending changes."""
 
     def __init__(self, content: bytes, source: str) -> None:
         """Find all elements.
 
         Args:
-            content: of a file that was read as a robot, so that it is sound and declares no entities.
+            content: of a file that was read as a robot, so that it is valid and declares no entities.
             source: its name, for people.
 
         Raises:
@@ -79,11 +79,11 @@ class Marked:
         self.root = _read(content)
 
     def set(self, tag: Tag, **attributes: str | None) -> None:
-        """Give attributes other values; None takes one away."""
+        """Set attributes; None removes one."""
         self._attributes.setdefault(tag, {}).update(attributes)
 
     def add(self, tag: Tag, child: str) -> None:
-        """Put an element's text behind the start tag."""
+        """Insert an element's text after the start tag."""
         self._children.setdefault(tag, []).append(child)
 
     def text(self) -> bytes:

@@ -1,6 +1,6 @@
-"""Robots from files of other programs: URDF, xacro and MJCF, with an overlay for what they cannot say.
+"""Robots from files of other programs: URDF, xacro and MJCF, with an overlay for what they cannot hold.
 
-Why the project reads these formats by itself, on top of an XML parser:
+Why the project reads these formats itself, on top of an XML parser:
 
 - MuJoCo's `MjSpec` reads MJCF and URDF well, but comes with a simulator and a viewer (about 100 MB with what
   they need). Masses that follow from geoms are known only after it has compiled a model, for which every mesh
@@ -8,8 +8,8 @@ Why the project reads these formats by itself, on top of an XML parser:
 - `yourdfpy` and `urchin` read URDF for kinematics and pictures: they need `trimesh` for its meshes, and
   `yourdfpy` collects mistakes in a list instead of refusing the file. `urdf_parser_py` has had no release
   since 2021.
-- What a model of the dynamics takes from either format are a few dozen attributes. `defusedxml` reads the XML
-  safely; that the attributes mean the same here as there is tested against Pinocchio and MuJoCo.
+- A model of the dynamics needs only a few dozen attributes of either format. `defusedxml` reads the XML
+  safely; tests against Pinocchio and MuJoCo check that the attributes have the same meaning here.
 
-Meshes are never opened, so that missing ones and ``package://`` addresses do no harm.
+Meshes are never opened, so that missing ones and ``package://`` addresses cause no errors.
 """

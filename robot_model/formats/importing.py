@@ -1,4 +1,4 @@
-"""From a file of another format to a robot: read, merged, named, laid over, checked."""
+"""From a file of another format to a robot: reading, merging, naming, overlay, checks."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ GROUNDED = (
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot, and what has to be said about how it was read."""
+    """A robot, and notes on how it was read."""
 
     robot: Robot
     notes: tuple[str, ...]
@@ -83,7 +83,7 @@ def has_macros(root: Element, path: Path) -> bool:
     if path.suffix.lower() == ".xacro":
         return True
     waiting = [root]
-    for element in waiting:  # which grows meanwhile
+    for element in waiting:  # the list grows during the loop
         if element.tag.startswith("xacro:"):
             return True
         waiting += element.children
@@ -91,7 +91,7 @@ def has_macros(root: Element, path: Path) -> bool:
 
 
 def reader_of(root: Element) -> Callable[[Element, Path], Draft]:
-    """What reads a document, by its root element."""
+    """The reader of a document, by its root element."""
     if root.tag == "robot":
         from robot_model.formats.urdf import read_urdf
 
@@ -112,7 +112,7 @@ def _name(draft: Draft, path: Path) -> str:
 
 
 def as_overlaid(draft: Draft, overlay: Overlay) -> Draft:
-    """The draft with what an overlay says of its tree: held joints, passive joints, the kind of base."""
+    """The draft with an overlay's changes of its tree: held joints, passive joints, the kind of base."""
     joints = []
     for joint in draft.joints:
         change = overlay.entry("joints", joint.name, legal(joint.name))
@@ -124,7 +124,7 @@ def as_overlaid(draft: Draft, overlay: Overlay) -> Draft:
 
 
 def _held_at(name: str, change: Mapping[str, Any], initial: float, overlay: Overlay) -> float:
-    """Where a joint is held that an overlay makes a fixed one."""
+    """Position of a joint that an overlay makes a fixed one."""
     position = change.get("initial_position", initial)
     if isinstance(position, bool) or not isinstance(position, int | float) or abs(position) > 1e18:
         raise InputError(f"{overlay.file}: joints[{name}].initial_position: must be a number.")
@@ -136,7 +136,7 @@ def _held_at(name: str, change: Mapping[str, Any], initial: float, overlay: Over
 
 
 def _check_names(whole: Draft, names: Names, overlay: Overlay, file: str) -> None:
-    """Every name in an overlay must be of a part that is left; raises `InputError`."""
+    """Every name in an overlay must be that of a remaining part; raises `InputError`."""
     held = {j.name for j in whole.joints} - names.joints.keys()
     for entry in overlay.tables.get("joints", ()):
         name = entry["name"]
@@ -163,12 +163,12 @@ def _check_names(whole: Draft, names: Names, overlay: Overlay, file: str) -> Non
 
 
 def _translated(overlay: Overlay, names: Names) -> Overlay:
-    """The overlay with the robot's names instead of the file's, without what is done already."""
+    """The overlay with the robot's names instead of the file's, without the changes already applied."""
     tables = {key: value for key, value in overlay.tables.items() if key != "xacro"}
     moving = set(names.joints.values())
     for key, known in (("joints", names.joints), ("links", names.links)):
         entries = [{**e, "name": known.get(e["name"], e["name"])} for e in overlay.tables.get(key, ())]
-        if key == "joints":  # those that are held are no longer there
+        if key == "joints":  # held joints have been removed
             entries = [entry for entry in entries if entry["name"] in moving]
         if entries:
             tables[key] = entries
@@ -178,7 +178,7 @@ def _translated(overlay: Overlay, names: Names) -> Overlay:
 
 
 def _check_masses(draft: Draft, names: Names, overlay: Overlay) -> None:
-    """No mass is silently zero and no inertia impossible, but where an overlay gives another."""
+    """Refuse missing masses and impossible inertias, unless an overlay replaces them."""
     given = {link.name: _given(link, draft, names, overlay) for link in draft.links}
     gaps = [link for link in draft.links if link.gap and "mass" not in given[link.name]]
     if gaps:
@@ -220,7 +220,7 @@ def _table(link: DraftLink, draft: Draft, names: Names) -> str:
 
 
 def _put_behind_gears(draft: Draft, names: Names, data: Mapping[str, Any], overlay: Overlay) -> None:
-    """Armature is felt at the joint; with a gear of the overlay it is a rotor that turns faster."""
+    """Armature is a joint-side inertia; with a gear of the overlay it becomes a faster rotor."""
     tables = {table["name"]: table for table in data["joints"]}
     for joint in draft.joints:
         given = overlay.entry("joints", joint.name, names.joints[joint.name]).get("actuator", {})
@@ -231,7 +231,7 @@ def _put_behind_gears(draft: Draft, names: Names, data: Mapping[str, Any], overl
 
 
 def _assumed(draft: Draft, overlay: Overlay) -> None:
-    """Note what the file does not say and nobody else did."""
+    """Add notes on values that neither the file nor the overlay gives."""
     if draft.gravity is not None:
         return
     if "gravity" not in overlay.tables:

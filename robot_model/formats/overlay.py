@@ -1,4 +1,4 @@
-"""Overlays: small files with the keys of a robot file for what another file does not say."""
+"""Overlays: small files with keys of a robot file that another file lacks."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from robot_model.input.toml import toml_tables, toml_text
 
 __all__ = ["Overlay", "laid_over", "read_overlay"]
 
-#: Lists whose entries are told apart by one key: an entry of the overlay changes or adds keys of that entry.
+#: Lists whose entries are identified by one key: an entry of the overlay changes or adds keys of that entry.
 NAMED: Mapping[str, str] = {"links": "name", "joints": "name"}
 
-#: Lists whose entries are told apart by some keys: an overlay's entry replaces the like one, or is added.
+#: Lists whose entries are identified by some keys: an overlay's entry replaces the same one, or is added.
 ALIKE: Mapping[str, tuple[str, ...]] = {
     "sensors": ("channel",),
     "effects": ("effect", "at"),
@@ -28,7 +28,7 @@ class Overlay:
     """The tables of an overlay.
 
     Attributes:
-        file: where it is from, for people.
+        file: its origin, for people.
         tables: its keys.
     """
 
@@ -76,12 +76,12 @@ def _check_list(file: str, key: str, entries: Any) -> None:
 
 
 def laid_over(data: Mapping[str, Any], overlay: Overlay) -> dict[str, Any]:
-    """The tables of a robot with those of an overlay put over them.
+    """The tables of a robot with those of an overlay applied.
 
     Tables of links and joints are matched by name, and their keys and inner tables merged; sensors are
-    matched by channel, effects by effect and place, transmissions by name. An empty list of these drops those
-    that are there. Any other key replaces what was there. Joints of the overlay's transmissions lose the
-    actuator that they had without it.
+    matched by channel, effects by effect and place, transmissions by name. An empty list of these removes all
+    of them. Any other key replaces the existing one. Joints of the overlay's transmissions lose their own
+    actuator.
     """
     result = {**data, **_uncoupled(data, overlay)}
     for key, value in overlay.tables.items():
@@ -125,7 +125,7 @@ def _named(
 
 
 def _driven(joint: dict[str, Any], where: str) -> dict[str, Any]:
-    """A joint's table without the key `passive`, which a robot says by the actuator."""
+    """A joint's table without the key `passive`, which a robot expresses by the absence of an actuator."""
     passive = joint.pop("passive", None)
     if passive is not None and not isinstance(passive, bool):
         raise InputError(f"{where}.passive: must be true or false.")
@@ -151,7 +151,7 @@ def _alike(
 
 
 def _deep(table: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables merged key by key; whatever is no table on both sides is replaced."""
+    """Tables merged key by key; anything that is not a table on both sides is replaced."""
     merged = dict(table)
     for key, value in change.items():
         both = isinstance(value, dict) and isinstance(merged.get(key), dict)

@@ -1,10 +1,10 @@
-"""What the page of robot files says about files of other formats and overlays."""
+"""The section on other formats and overlays of the page of robot files."""
 
 from __future__ import annotations
 
 __all__ = ["other_formats"]
 
-#: What a URDF or MJCF file holds, and what becomes of it.
+#: Content of a URDF or MJCF file, and its counterpart in the robot.
 ROWS = (
     (
         "links fixed to one another (fixed joints, bodies without joints)",
@@ -21,7 +21,7 @@ ROWS = (
     ),
     (
         "inertia that no body can have",
-        "an error with the nearest possible inertia, ready to be put into an overlay",
+        "an error with the nearest possible inertia, ready for an overlay",
     ),
     (
         "mass that MuJoCo would compute from a mesh",
@@ -33,7 +33,7 @@ ROWS = (
     ),
     (
         "`armature`",
-        "`rotor_inertia` as felt at the joint; behind the gear, if an overlay gives a `gear_ratio`",
+        "`rotor_inertia` at the joint side; converted to the motor side if an overlay gives a `gear_ratio`",
     ),
     (
         "`<limit>`, `range`, `effort`, `forcerange`, `ctrlrange` of motors",
@@ -47,10 +47,10 @@ ROWS = (
     ("joints of an MJCF file without an actuator, where others have one", "passive joints"),
     ("mimic joints, joints coupled by an equality", "held at their initial position"),
     (
-        "fixed tendons with an actuator each, as many as the joints on them, which nothing else drives",
+        "fixed tendons with one actuator each, as many as their joints, which nothing else drives",
         "a transmission; the tendons are its motors' motion behind their gears",
     ),
-    ("other equalities and tendons, servo gains, `gravcomp`, fluid forces", "left out"),
+    ("other equalities and tendons, servo gains, `gravcomp`, fluid forces", "ignored"),
     ("`planar`, `ball` and inner floating joints, `attach`, `replicate`, `composite`", "an error"),
 )
 
@@ -59,21 +59,21 @@ INTRODUCTION = """\
 
 A robot may also be a URDF, xacro or MJCF (MuJoCo) file. It is read as the tree of rigid bodies that it
 describes; its dynamics agree with those of Pinocchio and MuJoCo to rounding. Links and joints keep their
-names, and channels are named after them: `shoulder_pan_joint.position`. What is assumed, renamed or left out
-is said once on stderr.
+names, and channels are named after them: `shoulder_pan_joint.position`. Assumptions, changed names and
+ignored content are reported once on stderr.
 
-Meshes are never opened, so that missing ones and `package://` addresses do no harm. Declared XML entities are
-refused. An MJCF file may include others inside its own folder; a xacro file may read others inside its
-package and packages that it finds (`$(find NAME)`: around the file, or where `ROS_PACKAGE_PATH` and
-`AMENT_PREFIX_PATH` lead). Expressions of xacro are computed without Python's `eval`.
+Meshes are never opened, so that missing ones and `package://` addresses cause no errors. Declared XML
+entities are refused. An MJCF file may include others inside its own folder; a xacro file may read others
+inside its package and packages that it finds (`$(find NAME)`: around the file, or in folders listed in
+`ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`). Expressions of xacro are computed without Python's `eval`.
 
 A URDF gives no gravity: 9.81 m/s^2 along -z of the root link is assumed, and a fixed base.
 """
 
 OVERLAYS = """\
-What a format cannot say stands in an overlay, a TOML file with the keys of this page. `--overlay FILE` names
-it; without that, `arm.overlay.toml` beside `arm.urdf` is used where there is one. An overlay can be put over
-a TOML file or a shipped robot in the same way.
+Values that a format cannot hold go into an overlay, a TOML file with the keys of this page. `--overlay FILE`
+names it; without that, `arm.overlay.toml` next to `arm.urdf` is used if it exists. An overlay can be applied
+to a TOML file or a shipped robot in the same way.
 
 ```toml
 gravity = [0.0, 0.0, -9.81]
@@ -94,7 +94,7 @@ passive = true            # nothing drives it
 
 [[links]]
 name = "wrist_link"
-mass = 0.35               # changes this figure only
+mass = 0.35               # changes this value only
 
 [[sensors]]
 channel = "shoulder_pan_joint.position"
@@ -109,7 +109,7 @@ kd = 20.0
 duration = 5.0
 ```
 
-Arguments of a xacro file are given in a table of their own:
+Arguments of a xacro file are given in a separate table:
 
 ```toml
 [xacro]
@@ -120,7 +120,7 @@ name = "ur"
 Tables of `links` and `joints` are matched by name, either that of the file or that of the robot, and their
 keys are merged; so are those of `[base]`. An entry of `sensors` replaces the one of the same channel, one of
 `effects` the one of the same effect and place, or else is added; `effects = []` drops all effects of the
-file. Every other key replaces what was there. A name that the robot does not have is an error.
+file. Every other key replaces the existing one. A name that the robot does not have is an error.
 """
 
 

@@ -1,4 +1,4 @@
-"""URDF: links with inertial figures, joined by joints (wiki.ros.org/urdf/XML)."""
+"""URDF: links with mass properties, connected by joints (wiki.ros.org/urdf/XML)."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from robot_model.input.fields import inertia_fault
 
 __all__ = ["read_urdf"]
 
-#: A parent of this name that no link has is the ground, as Drake and Gazebo have it.
+#: A parent with this name, if there is no such link, is the ground, as in Drake and Gazebo.
 GROUND = "world"
 
-#: What becomes of each joint type.
+#: Counterpart of each joint type.
 KINDS: Mapping[str, str] = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -122,7 +122,7 @@ def _link(element: Element) -> DraftLink:
 
 
 def _pose(element: Element) -> Pose:
-    """The pose that the <origin> in an element gives."""
+    """The pose of the <origin> in an element."""
     origin = element.child("origin")
     if origin is None:
         return IDENTITY
@@ -181,7 +181,7 @@ def _axis(element: Element) -> np.ndarray:
 
 
 def _with_limits(joint: DraftJoint, element: Element, notes: Notes) -> DraftJoint:
-    """Limits of position, speed and force; exporters that know none write zeros."""
+    """Limits of position, speed and force; exporters write zeros for unknown ones."""
     limit = element.child("limit")
     if limit is None:
         return joint
@@ -241,7 +241,7 @@ def _coupled(root: Element, joints: Set[str], notes: Notes) -> Iterator[DraftTra
         forward = [[0.5 / one, 0.5 / one], [0.5 / two, -0.5 / two]]
         if kind == LINKAGE:
             forward = [[1.0 / one, 0.0], [-1.0 / (one * two), 1.0 / two]]
-        turned = np.array(forward) * np.sign(gears)  # a reversed gear counts by its size
+        turned = np.array(forward) * np.sign(gears)  # a reversed gear counts by its magnitude
         drafted = tuple(DraftMotor(name, gear_ratio=abs(gear)) for name, gear in zip(called, gears))
         notes.add(MOTORS, f"'{element.attributes.get('name', element.line)}'")
         yield DraftTransmission((names[0], names[1]), drafted, np.linalg.inv(turned))
@@ -266,10 +266,10 @@ def _ratio(part: Element) -> float:
 
 
 def _reductions(root: Element, joints: set[str], notes: Notes) -> dict[str, float]:
-    """Gear ratios other than 1 that transmissions give, by joint; a reversed gear counts by its size.
+    """Gear ratios other than 1 of transmissions, by joint; a reversed gear counts by its magnitude.
 
-    Transmissions belong to ros_control and other tools, each with a form of its own: what is not understood
-    is left out.
+    Transmissions belong to ros_control and other tools, each with its own format: unknown formats are
+    ignored.
     """
     found = {}
     for transmission in root.all("transmission"):
@@ -287,7 +287,7 @@ def _reductions(root: Element, joints: set[str], notes: Notes) -> dict[str, floa
 
 
 def _afloat(draft: Draft, elements: Mapping[str, Element]) -> Draft:
-    """A root frame with one floating joint gives way to the floating link, which becomes a free base."""
+    """A root frame with one floating joint is replaced by the floating link, which becomes a free base."""
     floating = [joint for joint in draft.joints if joint.kind == "floating"]
     if not floating:
         return draft

@@ -1,4 +1,4 @@
-"""What comes from outside: text read in bounded time and memory, and a machine that has too little of it."""
+"""External input: text read in bounded time and memory, and errors of too little memory."""
 
 from robot_model.input.memory import OutOfMemoryError, lacks_memory
 from robot_model.input.toml import toml_tables, toml_text

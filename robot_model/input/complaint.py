@@ -1,4 +1,4 @@
-"""Validation errors as sentences for people: which key, what is wrong with it, what it holds."""
+"""Validation errors as sentences for people: the key, the fault and the value."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from robot_model.input.errors import nearest
 
 __all__ = ["complaint", "shown"]
 
-#: A key or value longer than this is cut; the rest helps nobody.
+#: A key or value longer than this is truncated.
 LONGEST_SHOWN = 60
 
 #: Keys by which an entry of a list is named in a message.
 LABELS = ("name", "channel", "joint", "effect")
 
-#: What to say for an error type of pydantic, filled in from the error's context.
+#: Message for an error type of pydantic, filled in from the error's context.
 WORDS: Mapping[str, str] = {
     "float_type": "must be a number",
     "bool_type": "must be true or false",
@@ -40,7 +40,7 @@ WORDS: Mapping[str, str] = {
     "union_tag_invalid": "must be one of {expected_tags}",
 }
 
-#: Errors that are told first and last: a misspelt key also makes its right spelling missing.
+#: Errors reported first and last: a misspelt key also makes its right spelling missing.
 FIRST = ("extra_forbidden", "union_tag_invalid", "value_error")
 LAST = ("missing", "union_tag_not_found")
 
@@ -48,12 +48,12 @@ Location = tuple[int | str, ...]
 
 
 def complaint(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> str:
-    """The most telling of the errors, as ``key: what is wrong (it is ...)`` without a full stop.
+    """The most informative of the errors, as ``key: fault (it is ...)`` without a full stop.
 
     Args:
-        error: what pydantic found.
-        data: what was validated; its names stand in the message instead of positions.
-        model: the type that was validated; its keys are what an unknown key is compared with.
+        error: of pydantic.
+        data: the validated data; its names replace positions in the message.
+        model: the validated type; an unknown key is compared with its keys.
     """
     found = sorted(error.errors(include_url=False), key=lambda one: _rank(one["type"]))
     return _sentence(found[0], found, data, model)
@@ -90,7 +90,7 @@ def _sentence(one: Any, found: Sequence[Any], data: Mapping[str, Any], model: ty
 
 
 def _words(one: Any) -> str:
-    """What is wrong, in words; pydantic's own for kinds that have none here."""
+    """The fault in words; pydantic's own for kinds without a message here."""
     if one["type"] == "value_error":
         return str(one["msg"]).removeprefix("Value error, ")
     if one["type"] == "tuple_type" and isinstance(one["input"], dict):
@@ -105,13 +105,13 @@ def _value(one: Any) -> Any:
 
 
 def _choices(one: Any) -> list[str]:
-    """The words that would have been accepted, from pydantic's quoted enumeration of them."""
+    """The accepted words, from pydantic's quoted enumeration of them."""
     listed = one["ctx"].get("expected") or one["ctx"].get("expected_tags")
     return str(listed).split("'")[1::2]
 
 
 def _too_few(location: Location, found: Sequence[Any], data: Mapping[str, Any]) -> str:
-    """A list of fixed length is too short: pydantic reports each entry that is not there."""
+    """A list of fixed length is too short: pydantic reports each missing entry."""
     absent = [
         one["loc"][-1] for one in found if one["type"] == "missing" and one["loc"][:-1] == location[:-1]
     ]
@@ -119,7 +119,7 @@ def _too_few(location: Location, found: Sequence[Any], data: Mapping[str, Any]) 
 
 
 def shown(value: Any) -> str:
-    """The value as a person would write it, cut when long; empty for tables and the like."""
+    """The value as a person would write it, truncated if long; empty for tables and the like."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list) and all(isinstance(item, int | float | str) for item in value):
@@ -135,7 +135,7 @@ def _cut(text: str, around: str = "") -> str:
 
 
 def _path(location: Location, data: Any) -> str:
-    """``links[link1].mass`` rather than ``links.0.mass``; the tags of unions are left out."""
+    """``links[link1].mass`` rather than ``links.0.mass``; tags of unions are omitted."""
     words: list[str] = []
     for step, here in _walk(location, data):
         if isinstance(step, int) and words:
@@ -146,7 +146,7 @@ def _path(location: Location, data: Any) -> str:
 
 
 def _walk(location: Location, data: Any) -> Iterator[tuple[int | str, Any]]:
-    """Each step that leads into the data, with what it leads to; a union's tag leads nowhere."""
+    """Each step into the data, with its value; tags of unions are skipped."""
     here = data
     last = len(location) - 1
     for place, step in enumerate(location):
@@ -170,7 +170,7 @@ def _label(entry: Any, position: int) -> str:
 
 
 def _keys_at(location: Location, model: type[BaseModel]) -> set[str]:
-    """All keys that may stand in the table at `location`."""
+    """All keys allowed in the table at `location`."""
     here = [model]
     for step in location:
         if isinstance(step, int):

@@ -15,8 +15,8 @@ class InputError(ValueError):
     """The input cannot be used.
 
     The message is one sentence for the person at the keyboard: what is wrong, where (file, column, row
-    or key) and how to correct it. The command line prints it and leaves with exit code 2. It is made one
-    printable line with one closing mark, whatever a file name or a library's message brought along.
+    or key) and how to correct it. The command line prints it and ends with exit code 2. It is made one
+    printable line with one closing mark, whatever a file name or a library's message contains.
     """
 
     def __init__(self, message: str) -> None:
@@ -31,16 +31,16 @@ def one_sentence(message: str) -> str:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """A suggestion such as ``; did you mean 'mass'?``, or an empty string when nothing is near.
+    """A suggestion such as ``; did you mean 'mass'?``, or an empty string if nothing is similar.
 
     Args:
-        word: what was given.
-        known: the words that would have been accepted.
+        word: the given word.
+        known: the accepted words.
     """
     names = sorted(set(known))
     if len(word) > LONGEST_WORD:
         return ""
     hits = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
-    if not hits:  # a key such as `weight_kg` is near `weight` only by its beginning
+    if not hits:  # a key such as `weight_kg` is similar to `weight` only in its beginning
         hits = [n for n in names if word and (n.startswith(word) or word.startswith(n))][:1]
     return f"; did you mean '{hits[0]}'?" if hits else ""

@@ -22,17 +22,16 @@ __all__ = [
     "triangle_fault",
 ]
 
-#: A principal moment this far below zero, beside the largest figure, is no rounding.
+#: A principal moment this far below zero, relative to the largest entry, is not rounding.
 NEGATIVE = 1e-6
 
-#: How far principal moments may break the triangle inequality before it is called an error: rounded
-#: figures of thin rods sit exactly on it.
+#: Tolerance of the triangle inequality for principal moments: rounded values of thin rods lie exactly on it.
 TRIANGLE_TOLERANCE = 1e-6
 
-#: No figure of a robot in SI units is larger; products of a few such figures do not overflow.
+#: No value of a robot in SI units is larger; products of a few such values do not overflow.
 LARGEST = 1e18
 
-# Strict, or pydantic would take `"8.0"` and `true` for numbers and "yes" for true.
+# Strict, or pydantic would accept `"8.0"` and `true` as numbers and "yes" as true.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Flag = Annotated[bool, Field(strict=True)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=LARGEST)]
@@ -47,7 +46,7 @@ def one_or_several(value: object) -> str:
 
 
 def triangle_fault(low: float, middle: float, high: float) -> str:
-    """Why no body has these principal moments of inertia, rising [kg m^2]; empty when one may."""
+    """Why these principal moments of inertia (increasing, [kg m^2]) are impossible; empty if possible."""
     if low + middle >= high * (1 - TRIANGLE_TOLERANCE):
         return ""
     return (
@@ -57,7 +56,7 @@ def triangle_fault(low: float, middle: float, high: float) -> str:
 
 
 def inertia_fault(inertia: NDArray[np.float64]) -> str:
-    """Why no body has this inertia matrix [kg m^2], shape (3, 3); empty when one may."""
+    """Why this inertia matrix [kg m^2], shape (3, 3), is impossible; empty if possible."""
     scale = max(float(np.abs(inertia).max()), 1e-300)  # division first, or huge figures overflow
     moments = np.linalg.eigvalsh(inertia / scale)
     low, middle, high = (scale * float(moment) for moment in moments)

@@ -1,4 +1,4 @@
-"""Too little memory: an error of the machine, not of what it was given."""
+"""Too little memory: an error of the machine, not of the input."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robot_model.input.errors import one_sentence
 
 __all__ = ["OutOfMemoryError", "lacks_memory"]
 
-#: How libraries that raise another type than `MemoryError` say it: C++ (CasADi, Exudyn), Arrow, HDF5, libc.
+#: Messages of libraries that raise another type than `MemoryError`: C++ (CasADi, Exudyn), Arrow, HDF5, libc.
 _WORDS = (
     "bad_alloc",
     "malloc of size",
@@ -27,8 +27,8 @@ class OutOfMemoryError(MemoryError):
 
 
 def lacks_memory(error: BaseException) -> bool:
-    """Whether an error says that memory could not be had, whatever its type."""
+    """Whether an error of any type means that memory could not be allocated."""
     if isinstance(error, MemoryError):
         return True
-    told = str(error).lower()
-    return isinstance(error, RuntimeError | OSError) and any(word in told for word in _WORDS)
+    text = str(error).lower()
+    return isinstance(error, RuntimeError | OSError) and any(word in text for word in _WORDS)

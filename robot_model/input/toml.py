@@ -1,4 +1,4 @@
-"""TOML that somebody else wrote, read and parsed in bounded time and memory."""
+"""Untrusted TOML, read and parsed in bounded time and memory."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _LONG_NUMBER = re.compile(rf"(?<![0-9_])[0-9_]{{{MOST_DIGITS + 1}}}")
 
 
 def toml_text(path: Path, what: str) -> str:
-    """The text of a TOML file, which may be a pipe; a byte order mark is left out.
+    """The text of a TOML file, which may be a pipe; a byte order mark is removed.
 
     Args:
         path: the file.

@@ -1,1 +1,1 @@
-"""What a joint may have besides its motor and its bearing."""
+"""Actuator, clearance and temperature of a joint, as data."""

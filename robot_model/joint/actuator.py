@@ -1,4 +1,4 @@
-"""What moves a joint: a motor and its gear."""
+"""The actuator of a joint: a motor and its gear."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Actuator"]
 
 
 class Actuator(Description):
-    """Motor and gear of a joint. Motor-side figures are named so; all others are at the joint."""
+    """Motor and gear of a joint. Values are at the joint side unless marked as motor side."""
 
     gear_ratio: Positive = Field(default=1.0, description="motor turns per joint turn (or rad per m) [-]")
     rotor_inertia: NonNegative = Field(default=0.0, description="rotor inertia, motor side [kg m^2]")

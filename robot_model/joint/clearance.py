@@ -1,4 +1,4 @@
-"""The play of a journal in its bearing, as data."""
+"""The clearance of a journal in its bearing, as data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_model.input.fields import Description, NonNegative, Positive
 
 __all__ = ["Clearance"]
 
-#: Energy that an impact leaves is that of its square; the law is derived for values near one.
+#: The energy after an impact scales with its square; the law is derived for values near one.
 Restitution = Annotated[float, Field(strict=True, gt=0, le=1, allow_inf_nan=False)]
 
 
@@ -18,10 +18,10 @@ class Clearance(Description):
     """Radial clearance of a revolute joint: the child's journal moves in the parent's bearing, across the
     axis.
 
-    With the eccentricity (x, y) of the journal, delta = sqrt(x^2 + y^2) - clearance is how deep it presses.
+    With the eccentricity (x, y) of the journal, delta = sqrt(x^2 + y^2) - clearance is the penetration.
     The normal force is that of Lankarani and Nikravesh (ASME J. Mech. Design 112 (1990) 369-376),
     K delta^1.5 (1 + 3/4 (1 - restitution^2) delta_rate/approach), never pulling, with the `approach` speed at
-    which the present contact began; friction is Coulomb's, friction times that, smoothed over
+    which the present contact began; Coulomb friction is `friction` times the normal force, smoothed over
     `transition` of the sliding speed at the surface of the journal. Along the axis and in bending the joint
     stays ideal. Its channels are `JOINT_clearance_x.position` and `JOINT_clearance_y.position`.
     """

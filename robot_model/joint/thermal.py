@@ -1,4 +1,4 @@
-"""The temperature of a joint, and what it does to the joint's friction, as data."""
+"""The temperature of a joint, and its influence on the joint's friction, as data."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot_model.input.fields import Description, Number, Positive
 
 __all__ = ["ConstantTemperature", "SelfHeating", "TemperatureTable", "Thermal"]
 
-#: No lubricant follows the temperature faster [1/K].
+#: No lubricant has a larger temperature dependence [1/K].
 STEEPEST = 1.0
 
 #: No friction changes by more over the temperatures of a joint: grease stiffens some thousand times. Factors
@@ -32,7 +32,7 @@ class ConstantTemperature(Description):
 
 
 class TemperatureTable(Description):
-    """A course of the temperature, linear between its instants and constant beyond them."""
+    """A temperature profile, linear between its instants and constant beyond them."""
 
     kind: Literal["table"] = "table"
     times: tuple[Number, ...] = Field(min_length=2, description="instants, rising [s]")
@@ -56,9 +56,9 @@ class TemperatureTable(Description):
 
 
 class SelfHeating(Description):
-    """One heat capacity, warmed by what friction takes and cooled by its surroundings.
+    """One heat capacity, heated by friction and cooled by its surroundings.
 
-    C dT/dt = P - (T - T_ambient)/R, with P = -T_friction qd the power that the friction of the joint takes.
+    C dT/dt = P - (T - T_ambient)/R, with P = -T_friction qd the power dissipated by the joint's friction.
     """
 
     kind: Literal["self_heating"] = "self_heating"
@@ -76,19 +76,21 @@ class SelfHeating(Description):
 
 
 class Thermal(Description):
-    """The joint's temperature T and how its friction follows it.
+    """The joint's temperature T and the temperature dependence of its friction.
 
     Static friction is multiplied by exp(-static_rate (T - T0)), kinetic friction (Coulomb, viscous, loads,
     position and direction) by exp(-kinetic_rate (T - T0)), T0 being the reference temperature at which
-    friction is as its effects say. A factor of 5 over 150 K is a rate of ln(5)/150 = 0.0107 1/K.
+    friction equals that of its effects. A factor of 5 over 150 K is a rate of ln(5)/150 = 0.0107 1/K.
     """
 
     reference: Positive = Field(
         default=293.15, description="temperature at which friction is as given, T0 [K]"
     )
-    static_rate: Number = Field(default=0.0, description="relative fall of static friction per kelvin [1/K]")
+    static_rate: Number = Field(
+        default=0.0, description="relative decrease of static friction per kelvin [1/K]"
+    )
     kinetic_rate: Number = Field(
-        default=0.0, description="relative fall of kinetic friction per kelvin [1/K]"
+        default=0.0, description="relative decrease of kinetic friction per kelvin [1/K]"
     )
     temperature: Annotated[
         ConstantTemperature | TemperatureTable | SelfHeating, Field(discriminator="kind")

@@ -1,1 +1,1 @@
-"""What the operating system does to a running program: interrupts, processes that die, files half written."""
+"""Robustness against the operating system: interrupts, dying processes, partly written files."""

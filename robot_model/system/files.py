@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from robot_model.system.owners import WRITING, fresh_name, held, remove_left
 
 __all__ = ["lacks_room", "replacing", "require_folder", "write_atomically"]
 
-#: Errors of a machine that is full or worn out, not of what it was given.
+#: Errors of a full or faulty machine, not of the input.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
 
 
 def lacks_room(error: BaseException) -> bool:
-    """Whether disk or memory was full, told by the machine or by an `InputError` that arose from it."""
+    """Whether disk or memory was full, by the machine's error or by an `InputError` that it caused."""
     cause: BaseException | None = error
     while isinstance(cause, InputError):
         cause = cause.__context__
@@ -29,9 +29,9 @@ def lacks_room(error: BaseException) -> bool:
 
 
 def require_folder(path: str | os.PathLike[str]) -> None:
-    """Raises `InputError` where no file can be put into a folder: before work whose results would be lost.
+    """Raises `InputError` if no file can be written to a folder, before work whose results would be lost.
 
-    The folder need not be there yet.
+    The folder need not exist yet.
     """
     target = Path(path)
     try:
@@ -46,17 +46,17 @@ def require_folder(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends without an error.
+    """A temporary path next to `path` that replaces it when the block ends without an error.
 
-    For libraries that insist on writing a file themselves. The temporary file keeps the suffix of `path`
-    and is removed when the block fails. Raises `InputError` when the folder cannot be written.
+    For libraries that write files themselves. The temporary file keeps the suffix of `path` and is removed
+    when the block fails. Raises `InputError` when the folder cannot be written.
     """
     target = Path(path)
     temporary = target.parent / fresh_name(suffix=target.suffix)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_left(target.parent, WRITING)
-        # Everybody may read and write it whom the user's umask lets.
+        # Permissions according to the user's umask.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}.") from None
@@ -78,7 +78,7 @@ def _put_in_place(temporary: Path, target: Path) -> None:
 
 
 def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write `content` (text as UTF-8) to `path`; a reader sees the old file or the new one, never a part."""
+    """Write `content` (text as UTF-8) to `path` atomically; a reader sees the old file or the new one."""
     with replacing(path) as temporary:
         try:
             temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)

@@ -1,11 +1,11 @@
 """Several files as one unit: a folder holds all of an earlier set or all of the new one.
 
-The new set is written into a fresh folder on the same disk. What follows depends on the folder for the
-results. Where there is none yet, the fresh one gets its name. Where it holds nothing but the earlier set, the
-two exchange their names, in one call of the system. Otherwise, since other files or somebody's working
-directory are in it, the fresh folder is moved into it under the name `.placing-...`, which decides that the
-new set counts: the earlier files leave one by one, then the new ones enter, so that they are never mixed. If
-the process is killed in between, the next one that writes or reads there does the rest.
+The new set is written into a fresh folder on the same disk. The next step depends on the folder for the
+results. If it does not exist, the fresh one gets its name. If it holds only the earlier set, the two exchange
+their names, in one system call. Otherwise, if it contains other files or is a working directory, the fresh
+folder is moved into it under the name `.placing-...`, from which moment the new set is valid: the earlier
+files are moved out one by one, then the new ones in, so that they are never mixed. If the process is killed
+in between, the next one that writes or reads there completes this.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ except ImportError:  # not on Windows
 
 __all__ = ["finish", "replacing_set"]
 
-#: What the name of a new set begins with on its way into a folder.
+#: Prefix of the name of a new set while it is moved into a folder.
 PLACING = ".placing-"
-#: In it: which earlier files go without being replaced, and the earlier files themselves.
+#: In it: the list of earlier files that are not replaced, and the earlier files themselves.
 OBSOLETE, EARLIER = ".obsolete.json", ".earlier"
 #: Arguments of `renameat2` (Linux 3.15): names are relative to the working directory; exchange them.
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
@@ -41,9 +41,9 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2
 
 @contextmanager
 def replacing_set(folder: str | os.PathLike[str], former: Collection[str] = ()) -> Iterator[Path]:
-    """A fresh folder whose files take the place of those of an earlier set if the block ends well.
+    """A fresh folder whose files replace those of an earlier set if the block succeeds.
 
-    Whenever the process dies, `folder` holds the one set or the other. What else is in it stays.
+    Whenever the process dies, `folder` holds the one set or the other. Other files in it stay.
 
     Args:
         folder: for the results; made if there is none.
@@ -53,22 +53,22 @@ def replacing_set(folder: str | os.PathLike[str], former: Collection[str] = ()) 
         InputError: the folder cannot be written to.
     """
     target = Path(os.path.realpath(folder))
-    with _told(target):
+    with _reported(target):
         finish(target)
         stage = _Stage(target)
     try:
         with held(stage.root):
             yield stage.content
-            with _told(target):
+            with _reported(target):
                 stage.place(former)
-    except InputError as error:  # of a file that was to be in the folder
+    except InputError as error:  # of a file in the fresh folder
         raise InputError(str(error).replace(str(stage.content), str(target))) from error
     finally:
         shutil.rmtree(stage.root, ignore_errors=True)
 
 
 def finish(folder: str | os.PathLike[str]) -> None:
-    """Do what a killed process left undone in `folder`, and remove what it left there and beside it."""
+    """Complete the work of a killed process in `folder`, and remove its remains there and next to it."""
     target = Path(os.path.realpath(folder))
     _, there = _missing(target) if not target.exists() else (target, target.parent)
     for place in (target, there):
@@ -87,22 +87,22 @@ class _Stage:
     """The fresh folder for a new set.
 
     Attributes:
-        root: what is removed in the end.
-        content: where the new set is written, in `root` or `root` itself.
+        root: removed in the end.
+        content: folder of the new set, in `root` or `root` itself.
     """
 
     def __init__(self, target: Path) -> None:
         if target.exists() and not target.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
         self._target = target
-        # Folders above that are missing too come with the new set.
+        # Missing parent folders are created with the new set.
         self._first, there = (target, _beside(target)) if target.exists() else _missing(target)
         self.root = there / fresh_name()
         self.content = self.root / target.relative_to(self._first)
         self.content.mkdir(parents=True)
 
     def place(self, former: Collection[str]) -> None:
-        """The new set takes the place of the earlier one."""
+        """Replace the earlier set by the new one."""
         new = _files(self.content)
         _on_disk(self.root)
         with undisturbed():
@@ -136,7 +136,7 @@ class _Stage:
             self._enter(placing)
 
     def _enter(self, placing: Path) -> None:
-        """Move files until all are in place; if the system refuses one, all go back."""
+        """Move files until all are in place; if the system refuses one, all are moved back."""
         done: list[tuple[Path, Path]] = []
         try:
             for source, goal in _moves(placing, self._target):
@@ -151,21 +151,21 @@ class _Stage:
 
 
 def _missing(target: Path) -> tuple[Path, Path]:
-    """The first folder on the way to `target` that is not there, and the one that it would be in."""
+    """The first missing folder on the path to `target`, and its parent."""
     while not target.parent.exists():
         target = target.parent
     return target, target.parent
 
 
 def _beside(target: Path) -> Path:
-    """Where a new set for `target` can be written: beside it, or in it where that is not possible."""
+    """Folder for writing a new set for `target`: next to it, or in it where that is not possible."""
     parent = target.parent
     possible = os.access(parent, os.W_OK | os.X_OK) and not os.path.ismount(target)
     return parent if possible and parent.stat().st_dev == target.stat().st_dev else target
 
 
 def _renamed(source: Path, target: Path) -> bool:
-    """Whether `source` could get the name `target`; not so where that is there, or on another disk."""
+    """Whether `source` could be renamed to `target`; not if that exists, or is on another disk."""
     try:
         source.rename(target)
     except OSError as error:
@@ -176,7 +176,7 @@ def _renamed(source: Path, target: Path) -> bool:
 
 
 def _exchanged(content: Path, target: Path, names: Collection[str]) -> bool:
-    """Whether both could exchange their names: nobody may notice but by what is in `target`."""
+    """Whether both could exchange their names without side effects other than the content of `target`."""
     own, other = content.stat(), target.stat()
     alike = (own.st_uid, own.st_gid, own.st_dev) == (other.st_uid, other.st_gid, other.st_dev)
     if not alike or _has_attributes(target) or not _holds_only(target, names) or _is_entered(target):
@@ -197,11 +197,11 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def _has_attributes(folder: Path) -> bool:
-    """Whether something is said of the folder besides its mode, as an access control list."""
+    """Whether the folder has attributes besides its mode, such as an access control list."""
     try:
         return bool(os.listxattr(folder)) if hasattr(os, "listxattr") else True
     except OSError:
-        return False  # a file system that has none
+        return False  # a file system without attributes
 
 
 def _holds_only(folder: Path, names: Collection[str]) -> bool:
@@ -216,7 +216,7 @@ def _holds_only(folder: Path, names: Collection[str]) -> bool:
 
 
 def _is_entered(folder: Path) -> bool:
-    """Whether a process has it, or a folder in it, as its working directory, which would leave with it."""
+    """Whether it, or a folder in it, is the working directory of a process, which would move with it."""
     places = []
     with suppress(OSError):  # it was removed
         places.append(os.getcwd())
@@ -227,7 +227,7 @@ def _is_entered(folder: Path) -> bool:
 
 
 def _moves(placing: Path, target: Path) -> list[tuple[Path, Path]]:
-    """From where to where files are still to be moved: the earlier ones out of `target` first."""
+    """Remaining moves of files, source to destination: the earlier ones out of `target` first."""
     obsolete: list[str] = []
     with suppress(FileNotFoundError):  # else all was done but the removal
         obsolete = json.loads((placing / OBSOLETE).read_text("utf-8"))
@@ -243,7 +243,7 @@ def _move(source: Path, goal: Path) -> None:
 
 
 def _entered(placing: Path, target: Path) -> None:
-    """All files are in place: what brought them goes, what it is to do first."""
+    """All files are in place: remove the transfer folder, its list first."""
     _on_disk(target, deep=False)
     (placing / OBSOLETE).unlink(missing_ok=True)
     shutil.rmtree(placing, ignore_errors=True)
@@ -260,7 +260,7 @@ def _files(folder: Path) -> set[str]:
 
 
 def _on_disk(path: Path, *, deep: bool = True) -> None:
-    """Wait until the disk holds it, and with `deep` all that is in it."""
+    """Wait until it is on disk, and with `deep` also its content."""
     if deep and _is_folder(path):
         for inner in path.iterdir():
             _on_disk(inner)
@@ -274,7 +274,7 @@ def _on_disk(path: Path, *, deep: bool = True) -> None:
 
 @contextmanager
 def _alone(target: Path) -> Iterator[None]:
-    """Nobody else puts files into `target` meanwhile."""
+    """Exclusive access for putting files into `target`."""
     if fcntl is None:
         yield
         return
@@ -292,8 +292,8 @@ def _alone(target: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _told(target: Path) -> Iterator[None]:
-    """Say in one sentence when the system refuses."""
+def _reported(target: Path) -> Iterator[None]:
+    """Report errors of the system in one sentence."""
     try:
         yield
     except OSError as error:

@@ -1,8 +1,8 @@
-"""Interrupts that libraries swallow, and short stretches that an interrupt must not cut in two.
+"""Interrupts that libraries swallow, and short blocks that must not be interrupted.
 
 Ctrl-C and signals like it arrive as an exception, `KeyboardInterrupt`, which their handler raises between two
-instructions of Python. A library that calls back into Python may meet it there and report a fault of its own
-instead: CasADi says that a right-hand side failed, Exudyn that the user's Python code is wrong.
+instructions of Python. A library that calls back into Python may catch it there and report its own error
+instead: CasADi reports a failed right-hand side, Exudyn an error in the user's Python code.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ def _known(*names: str) -> tuple[signal.Signals, ...]:
     return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
 
 
-#: Signals that ask a program to end: those of them that this system has.
+#: Signals that request a program to end, as far as this system has them.
 ENDING = _known("SIGINT", "SIGTERM", "SIGHUP")
-#: Those whose handlers may raise something: a program may use the timer to repeat an interrupt.
+#: Signals whose handlers may raise an exception: a program may use the timer to repeat an interrupt.
 RAISING = (*ENDING, *_known("SIGALRM"))
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """What a signal's handler raises during the block leaves the block, whatever a library makes of it.
+    """Exceptions of signal handlers during the block leave the block, even if a library replaces them.
 
-    What the library then writes to `sys.stderr`, about a fault that is none, is dropped.
+    The library's misleading messages to `sys.stderr` are dropped.
     """
     raised: list[BaseException] = []
     heard = sys.stderr
@@ -65,7 +65,7 @@ def interruptible() -> Iterator[None]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Signals that end a program take effect after the block, for stretches of some milliseconds."""
+    """Defer signals that end a program until after the block, for blocks of some milliseconds."""
     waiting: list[tuple[Handler, int]] = []
 
     def deferring(handler: Handler) -> Handler:
@@ -81,7 +81,7 @@ def undisturbed() -> Iterator[None]:
 
 @contextmanager
 def _handled_by(other: Callable[[Handler], Handler]) -> Iterator[None]:
-    """`other` of every Python handler takes its place; only the main thread has handlers."""
+    """Replace every Python handler by `other` of it; only the main thread has handlers."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

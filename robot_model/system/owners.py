@@ -1,8 +1,8 @@
-"""Temporary files and folders that tell whose they are, so that those of dead processes can be removed.
+"""Temporary files and folders with their owner in the name, so that those of dead processes can be removed.
 
-A name holds the id of the process that made it and when that process began, since ids are used again:
-`.writing-4711-839201-f3a9c2d1`. Its maker holds a lock on it as well, by which a process in another container
-is known to live, whose id means nothing here.
+A name holds the id of the process that made it and its start time, since ids are reused:
+`.writing-4711-839201-f3a9c2d1`. Its owner also holds a lock on it, which shows that a process in another
+container, whose id is meaningless here, is alive.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ except ImportError:  # not on Windows, where nothing is removed either
 
 __all__ = ["WRITING", "fresh_name", "held", "is_left", "own_prefix", "remove_left"]
 
-#: What the names of results begin with while they are written.
+#: Prefix of the names of results while they are written.
 WRITING = ".writing-"
 _OWNER = re.compile(r"(?P<process>\d+)-(?P<began>\d+)-\w+(\.\w+)?")
 #: Position of the start time and of the state among the words of /proc/PID/stat that follow the name.
@@ -31,18 +31,18 @@ _BEGAN, _STATE = 19, 0
 
 
 def own_prefix(prefix: str) -> str:
-    """What the name of something of this process begins with, after `prefix`; chance has to follow."""
+    """Beginning of a name owned by this process, after `prefix`; a random part has to follow."""
     return f"{prefix}{os.getpid()}-{_began(os.getpid()) or 0}-"
 
 
 def fresh_name(prefix: str = WRITING, suffix: str = "") -> str:
-    """A name for something of this process that nothing else has."""
+    """A unique name owned by this process."""
     return f"{own_prefix(prefix)}{secrets.token_hex(4)}{suffix}"
 
 
 @contextmanager
 def held(path: Path) -> Iterator[None]:
-    """This process lives and needs `path`, a file or a folder of its own."""
+    """Lock `path`, a file or folder of this process, as in use."""
     handle = _opened(path)
     try:
         if handle is not None and fcntl is not None:
@@ -55,7 +55,7 @@ def held(path: Path) -> Iterator[None]:
 
 
 def remove_left(folder: Path, *prefixes: str) -> None:
-    """Remove what dead processes of this user left in `folder` under names of these prefixes."""
+    """Remove remains of dead processes of this user in `folder` under names of these prefixes."""
     with suppress(OSError):
         for path in [Path(entry) for entry in os.scandir(folder) if entry.name.startswith(prefixes)]:
             if is_left(path):
@@ -63,7 +63,7 @@ def remove_left(folder: Path, *prefixes: str) -> None:
 
 
 def is_left(path: Path) -> bool:
-    """Whether a dead process of this user made `path`; False wherever that cannot be told."""
+    """Whether a dead process of this user made `path`; False if that cannot be determined."""
     prefix, _, rest = path.name.partition("-")
     owner = _OWNER.fullmatch(rest)
     if not prefix or owner is None or os.name != "posix":
@@ -88,7 +88,7 @@ def _lives(process: int, began: str) -> bool:
 
 
 def _began(process: int) -> str | None:
-    """When a process began, in clock ticks since the machine did; None for a dead one, or without /proc."""
+    """Start time of a process, in clock ticks since boot; None for a dead one, or without /proc."""
     try:
         words = Path(f"/proc/{process}/stat").read_text("utf-8", "replace").rpartition(")")[2].split()
     except OSError:
@@ -105,7 +105,7 @@ def _is_held(path: Path) -> bool:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
-    except OSError:  # a file system without locks: the maker could not take one either
+    except OSError:  # a file system without locks: the owner could not lock it either
         return False
     finally:
         os.close(handle)

@@ -1,4 +1,4 @@
-"""Reading what a process wrote that is not trusted: regular files only, no links, not beyond a size."""
+"""Reading output of an untrusted process: regular files only, no links, limited size."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 __all__ = ["LARGEST", "untrusted_files"]
 
-#: Bytes of one file that are read at most: a long recording's viewer file has some tens of millions.
+#: Largest size of one file [bytes]: a long recording's viewer file has some tens of millions.
 LARGEST = 1 << 28
 _FILE = (
     os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
@@ -20,15 +20,15 @@ _FOLDER = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_DIRECTORY"
 def untrusted_files(
     folder: Path, within: str, names: Sequence[str], *, largest: int = LARGEST
 ) -> dict[str, bytes]:
-    """Contents of those files of `folder/within` that are plain files of one name.
+    """Contents of those files of `folder/within` that are plain files with a single name.
 
-    Symbolic and hard links, pipes, devices, folders and files of more than `largest` bytes are left out, as
-    are files that are not there; `within` may not be a link either.
+    Symbolic and hard links, pipes, devices, folders, files of more than `largest` bytes and missing files are
+    omitted; `within` may not be a link either.
 
     Args:
-        folder: ours, so that its own path is trusted.
+        folder: our own, so that its path is trusted.
         within: a folder in it that the other process could write to.
-        names: of files directly in that.
+        names: of files directly in that folder.
         largest: bytes.
     """
     if os.open not in os.supports_dir_fd:  # Windows

@@ -1,4 +1,4 @@
-"""The rooms know each other one way only; every module says what it offers; nothing runs data as code."""
+"""Packages import each other in one direction; every module defines `__all__`; no data runs as code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("robot_model", "reference_model", "exudyn_model", "missing_physics")
 
-#: What a room may import of ours besides itself; the longest prefix of a module's name decides its room.
+#: Project packages that a package may import besides itself; a module belongs to the longest matching prefix.
 #: The engines share the robot description only, since agreement between two uses of one function would
 #: prove nothing.
 KNOWS: dict[str, tuple[str, ...]] = {
@@ -19,14 +19,14 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "exudyn_model": ("robot_model",),
     "missing_physics.wording": (),
     "missing_physics.bodies": ("robot_model", "reference_model"),
-    # Checks what a fit says of itself, so that it shares nothing with any.
+    # Checks fits independently, so it shares no code with them.
     "missing_physics.evaluation": (
         "robot_model",
         "reference_model",
         "missing_physics.recordings",
         "missing_physics.checks",
     ),
-    # Reads a file in a process of its own.
+    # Reads a file in a separate process.
     "missing_physics.isolation": ("robot_model",),
     "missing_physics.recordings": ("robot_model", "missing_physics.isolation"),
     "missing_physics.checks": ("robot_model", "missing_physics.recordings"),
@@ -57,7 +57,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.evaluation",
         "missing_physics.wording",
     ),
-    # The yardstick beside every answer: it knows nothing of how the answer is found.
+    # The baseline for every answer: independent of how the answer is found.
     "missing_physics.standard": (
         "robot_model",
         "reference_model",
@@ -83,7 +83,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.evaluation",
         "missing_physics.wording",
     ),
-    # What a diagnosis takes for granted, weighed before it.
+    # Premises of a diagnosis, tested before it.
     "missing_physics.premises": (
         "robot_model",
         "reference_model",
@@ -100,13 +100,13 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "reference_model.effects",
     ),
     # It calls the diagnosis as a user does, through the command line, so that it cannot leak a key. One
-    # engine records; the other says what the true model could tell, and runs the answers.
+    # engine makes the recordings; the other decides identifiability by the true model, and runs the answers.
     "missing_physics.challenge": (
         "robot_model",
         "exudyn_model",
         "reference_model",
     ),
-    # Weighs guesses by the checks that a diagnosis begins with.
+    # Rates guesses by the first checks of a diagnosis.
     "missing_physics.drafting": (
         "robot_model",
         "reference_model",
@@ -114,9 +114,9 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.diagnosis",
         "missing_physics.results",
     ),
-    # From a robot's description to files of other simulators; it knows nothing of how the robot was found.
+    # From a robot's description to files of other simulators, independent of the diagnosis.
     "missing_physics.export": ("robot_model", "reference_model"),
-    # What scripts and notebooks call; the commands that do the same go through it.
+    # For scripts and notebooks; the corresponding commands use it.
     "missing_physics.api": (
         "robot_model",
         "reference_model",
@@ -133,7 +133,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics": ("missing_physics.cli", "missing_physics.api", "robot_model"),
 }
 
-#: Rooms of the diagnosis, from recorded data upwards: each may import those before it.
+#: Packages of the diagnosis, from recorded data upwards: each may import those before it.
 DIAGNOSIS = (
     "motion",
     "dynamics",
@@ -153,7 +153,7 @@ KNOWS |= {
     for place, room in enumerate(DIAGNOSIS)
 }
 
-#: Libraries that belong to one room: an engine, a front end or a look is exchanged there and nowhere else.
+#: Libraries that only one package may import, so that an engine or a front end is replaced in one place.
 HOMES: dict[str, tuple[str, ...]] = {
     "exudyn": ("exudyn_model",),
     "typer": ("missing_physics.cli",),
@@ -195,7 +195,7 @@ SOURCES = {
 
 
 def every_module(check: Callable[[str], None]) -> Callable[[], None]:
-    """One test of all modules; a parameter for each of hundreds would cost more than what is checked."""
+    """One test for all modules; a parameter for each of hundreds would cost more than the check."""
 
     def test() -> None:
         for module in SOURCES:
@@ -212,7 +212,7 @@ def syntax(module: str) -> ast.Module:
 
 @cache
 def imported(module: str) -> tuple[str, ...]:
-    """Full names of what a module imports anywhere in it, type-checking blocks included."""
+    """Full names of all imports of a module, type-checking blocks included."""
     return tuple(_imported(module))
 
 
@@ -236,7 +236,7 @@ def room_of(module: str) -> str:
 
 
 @every_module
-def test_imports_follow_the_arrows(module: str) -> None:
+def test_imports_follow_the_allowed_dependencies(module: str) -> None:
     room = room_of(module)
     allowed = (room, *KNOWS[room])
     for name in imported(module):
@@ -244,14 +244,14 @@ def test_imports_follow_the_arrows(module: str) -> None:
             assert any(is_within(name, other) for other in allowed), f"{module} imports {name}"
 
 
-def test_every_room_of_the_diagnosis_has_a_place_in_the_order() -> None:
+def test_every_package_of_the_diagnosis_is_in_the_order() -> None:
     rooms = {path.parent.name for path in (ROOT / "missing_physics" / "diagnosis").glob("*/__init__.py")}
     assert rooms == set(DIAGNOSIS)
 
 
 @every_module
-def test_the_parent_package_is_no_back_door(module: str) -> None:
-    """`missing_physics` stands above its rooms, so that only the start of the program may go through it."""
+def test_packages_do_not_import_the_parent_package(module: str) -> None:
+    """`missing_physics` is above its packages, so that only the program's entry point may import it."""
     if room_of(module) != "missing_physics":
         names = [name for name in imported(module) if room_of_ours(name) == "missing_physics"]
         assert not names, f"{module} imports {names}"
@@ -262,26 +262,26 @@ def room_of_ours(name: str) -> str | None:
 
 
 @every_module
-def test_libraries_stay_in_their_room(module: str) -> None:
+def test_libraries_are_imported_only_in_their_package(module: str) -> None:
     for name in imported(module):
         homes = HOMES.get(name.split(".")[0])
         assert homes is None or any(is_within(module, home) for home in homes), f"{module} imports {name}"
 
 
-def test_the_arrows_form_no_circle() -> None:
+def test_allowed_dependencies_have_no_cycle() -> None:
     waiting = {
         room: {room_of(other) for other in known} - {room}
         for room, known in KNOWS.items()
-        if room not in ("missing_physics", "missing_physics.cli")  # the front door knows all
+        if room not in ("missing_physics", "missing_physics.cli")  # entry points import all
     }
     while waiting:
         free = [room for room, known in waiting.items() if not known & waiting.keys()]
-        assert free, f"a circle among {sorted(waiting)}"
+        assert free, f"a cycle among {sorted(waiting)}"
         waiting = {room: known for room, known in waiting.items() if room not in free}
 
 
 @every_module
-def test_every_module_says_what_it_offers(module: str) -> None:
+def test_every_module_defines_all(module: str) -> None:
     last = module.split(".")[-1]
     if last.startswith("_") or not defines_names(module):
         return
@@ -321,7 +321,7 @@ def top_level_names(module: str) -> set[str]:
 @every_module
 def test_every_module_has_a_docstring(module: str) -> None:
     if syntax(module).body:
-        assert ast.get_docstring(syntax(module)), f"{module} does not say what it is"
+        assert ast.get_docstring(syntax(module)), f"{module} has no docstring"
 
 
 @every_module
@@ -340,8 +340,8 @@ def is_true(value: ast.expr) -> bool:
     return not (isinstance(value, ast.Constant) and value.value is False)
 
 
-def test_every_room_is_there_to_be_checked() -> None:
-    """A check of files that are not found would pass for ever."""
+def test_the_checks_find_all_packages() -> None:
+    """A check that finds no files would always pass."""
     assert set(PACKAGES) <= SOURCES.keys()
     assert all((ROOT / package / "py.typed").is_file() for package in PACKAGES)
     assert len(SOURCES) > 50

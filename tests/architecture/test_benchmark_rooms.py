@@ -1,4 +1,4 @@
-"""The scripts that measure lie in rooms of at most a dozen modules."""
+"""The benchmark scripts are in folders of at most a dozen modules."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ ROOMS = [BENCHMARKS, *(path for path in sorted(BENCHMARKS.rglob("*")) if path.is
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda path: path.relative_to(BENCHMARKS.parent).as_posix())
-def test_a_room_holds_at_most_a_dozen_modules(room: Path) -> None:
+def test_a_benchmark_folder_holds_at_most_a_dozen_modules(room: Path) -> None:
     assert len(list(room.glob("*.py"))) <= MOST_MODULES

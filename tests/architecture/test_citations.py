@@ -1,4 +1,4 @@
-"""Pages that cite code: every file, function, class and test they name is there."""
+"""Pages that cite code: every cited file, function, class and test exists."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-#: Pages that name `file:name`, and the folder from which they count paths.
+#: Pages that cite `file:name`, and the folder to which their paths are relative.
 PAGES = {
     "CONTRIBUTING.md": ".",
     "docs/method.md": "missing_physics",
     "docs/paper.md": ".",
     "docs/theory.md": ".",
 }
-#: A path in backticks, and what of it is meant.
+#: A path in backticks, and the cited name in it.
 CITED = re.compile(r"`((?:\w+/)+[\w.]+|\w+\.py)(?::([A-Za-z_][\w.]*))?`")
-#: What the code of a room may cite of the page of theory: its sections and equations.
+#: Citations of the theory page in code: its sections and equations.
 SECTION = re.compile(r"docs/theory\.md (?:\((\d+)\)|(\d+))")
 
 
 @cache
 def names(path: Path) -> frozenset[str]:
-    """Functions and classes of a module, methods as `Class.method`, and constants at its top."""
+    """Functions and classes of a module, methods as `Class.method`, and module constants."""
     found: set[str] = set()
     for node in ast.parse(path.read_text("utf-8")).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -42,7 +42,7 @@ def cited(text: str) -> list[tuple[str, str]]:
 
 
 def missing(text: str, folder: str = ".") -> list[str]:
-    """What a text cites and neither the folder nor the repository has."""
+    """Citations of a text that exist neither in the folder nor in the repository."""
     lost = []
     for file, name in cited(text):
         near = ROOT / folder / file
@@ -53,19 +53,19 @@ def missing(text: str, folder: str = ".") -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_what_a_page_cites_is_there(page: str) -> None:
+def test_cited_code_exists(page: str) -> None:
     text = (ROOT / page).read_text("utf-8")
     assert cited(text)
     assert not missing(text, PAGES[page])
 
 
-def test_a_name_that_is_not_there_is_found_out() -> None:
+def test_a_missing_name_is_detected() -> None:
     there = "`reference_model/dynamics/tree.py:recursion`"
     page = f"{there} `reference_model/dynamics/tree.py:no_such` `reference_model/none.py`"
     assert missing(page) == ["reference_model/dynamics/tree.py:no_such", "reference_model/none.py:"]
 
 
-def test_sections_and_equations_that_code_cites_are_on_the_page_of_theory() -> None:
+def test_cited_sections_and_equations_exist_in_the_theory_page() -> None:
     text = (ROOT / "docs" / "theory.md").read_text("utf-8")
     sections = set(re.findall(r"^## (\d+)\.", text, flags=re.MULTILINE))
     equations = set(re.findall(r"\((\d+)\)\s*$", text, flags=re.MULTILINE))

@@ -1,4 +1,4 @@
-"""The Dockerfile holds what it needs, and what it runs is there."""
+"""The Dockerfile is complete, and the command that it runs exists."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ STEPS = [tuple(line.split(maxsplit=1)) for line in TEXT.splitlines() if line and
 
 
 def only(instruction: str) -> str:
-    """What the one step of this kind says."""
+    """The argument of the only step of this kind."""
     (found,) = [words for name, words in STEPS if name == instruction]
     return found
 
 
 def ignored(path: str) -> bool:
-    """Whether the build does not see a path, by the patterns without exceptions of .dockerignore."""
+    """Whether .dockerignore excludes a path from the build, by its patterns without exceptions."""
     patterns = (ROOT / ".dockerignore").read_text("utf-8").split()
     parts = Path(path).parts
     above = ["/".join(parts[: k + 1]) for k in range(len(parts))]
@@ -31,7 +31,7 @@ def ignored(path: str) -> bool:
     )
 
 
-def test_the_image_has_a_python_that_the_package_takes() -> None:
+def test_the_image_has_a_supported_python() -> None:
     version = re.fullmatch(r"python:(\d+)\.(\d+)-slim", only("FROM"))
     assert version
     low, high = re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["project"]["requires-python"]).groups()
@@ -39,7 +39,7 @@ def test_the_image_has_a_python_that_the_package_takes() -> None:
     assert int(low) <= int(version[2]) < int(high)
 
 
-def test_the_build_sees_all_that_the_package_is_made_of() -> None:
+def test_the_build_context_contains_the_complete_package() -> None:
     assert only("COPY") == ". /source"
     project = PROJECT["project"]
     packages = [one.rstrip("*") for one in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]]
@@ -55,7 +55,7 @@ def test_the_build_sees_all_that_the_package_is_made_of() -> None:
     assert [path for path in needed if ignored(path)] == []
 
 
-def test_it_installs_extras_and_starts_a_command_that_there_are() -> None:
+def test_it_installs_existing_extras_and_starts_an_existing_command() -> None:
     (install,) = [words for name, words in STEPS if name == "RUN" and "pip install" in words]
     extras = re.search(r'-c /source/constraints\.txt "/source\[(.+?)\]"', install)
     assert extras

@@ -18,7 +18,7 @@ MOST_MODULES = 12
 LARGER = {
     "reference_model/effects": "one file for each effect",
 }
-#: Folders of tests with more modules, which wait to be sorted as `tests/diagnosis` is.
+#: Folders of tests with more modules, still to be split like `tests/diagnosis`.
 UNSORTED = {
     "tests/benchmarks",
     "tests/challenge",
@@ -42,10 +42,10 @@ def folders(*roots: str) -> list[Path]:
     )
 
 
-#: Rooms that find the answer, and how many lines and numbers at the top of modules they may have together. A
-#: threshold of one's own is a rule that data of one kind have suggested: it is derived from noise, band, rows
-#: or odds, taken from where it is stated already, or not needed. The core that these rooms took the place of
-#: had 27,000 lines and 597 numbers, and was right on data of that kind only.
+#: Packages that find the answer, and their largest total of lines and numeric module constants. A separate
+#: threshold is a rule fitted to one kind of data: it should be derived from noise, band, rows or odds,
+#: imported from where it is already defined, or removed. The code that these packages replaced had 27,000
+#: lines and 597 numbers, and was right on that kind of data only.
 ENGINE = ("missing_physics/diagnosis", "missing_physics/inference")
 MOST_LINES, MOST_NUMBERS = 10_000, 80
 
@@ -69,13 +69,13 @@ def test_a_folder_of_tests_holds_at_most_a_dozen_modules(folder: Path) -> None:
     assert large == (named(folder) in UNSORTED)
 
 
-def test_every_exception_is_a_folder() -> None:
+def test_every_exception_is_an_existing_folder() -> None:
     assert LARGER.keys() <= set(map(named, folders()))
     assert set(map(named, folders("tests"))) >= UNSORTED
 
 
 def numbers(text: str) -> Iterator[str]:
-    """Names at the top of a module that are numbers, alone, in tuples, in mappings or computed."""
+    """Module constants that are numbers: plain, in tuples, in mappings or computed."""
     for node in ast.parse(text).body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
@@ -86,21 +86,21 @@ def numbers(text: str) -> Iterator[str]:
                 )
 
 
-def test_what_finds_the_answer_stays_small() -> None:
+def test_inference_code_stays_small() -> None:
     texts = [path.read_text("utf-8") for room in ENGINE for path in (ROOT / room).rglob("*.py")]
     assert sum(len(text.splitlines()) for text in texts) <= MOST_LINES
     assert len([name for text in texts for name in numbers(text)]) <= MOST_NUMBERS
 
 
-def test_every_number_is_counted() -> None:
+def test_every_constant_is_counted() -> None:
     lines = "A = 1.0", "B, C = 2, (0.1, 0.3)", "D: float = -A * 2", "E = '1'", "F = {'a': 1}", "G = True"
     text = "\n".join((*lines, "H = frozenset({'b'})"))
     assert [*numbers(text)] == ["A", "B", "C", "D", "F"]
 
 
 @pytest.mark.parametrize("room", ["missing_physics/hypotheses", "missing_physics/inference"])
-def test_no_effect_is_known_by_its_id_where_hypotheses_are_weighed(room: str) -> None:
-    """What the inference has to know of an effect is in the effect's own file."""
+def test_inference_code_mentions_no_effect_id(room: str) -> None:
+    """Everything that inference needs to know about an effect is in the effect's own file."""
     ids = set(catalogue())
     for path in (ROOT / room).rglob("*.py"):
         strings = (
@@ -110,19 +110,19 @@ def test_no_effect_is_known_by_its_id_where_hypotheses_are_weighed(room: str) ->
 
 
 def node_of(path: Path) -> str:
-    """The folder of a module; an `__init__`, which gathers names from below it, stands for itself."""
+    """The folder of a module; an `__init__`, which collects names from below it, counts separately."""
     return named(path) if path.name == "__init__.py" else named(path.parent)
 
 
 @cache
 def source(name: str) -> Path | None:
-    """The file of a module or package, if it is one of ours."""
+    """The file of a module or package of this project, else None."""
     path = ROOT.joinpath(*name.split("."))
     return next((p for p in (path / "__init__.py", path.with_suffix(".py")) if p.is_file()), None)
 
 
 def imported(path: Path) -> Iterator[Path]:
-    """Files of ours that a module imports anywhere in it."""
+    """Project files that a module imports anywhere in it."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
             names = [(alias.name, None) for alias in node.names]
@@ -172,11 +172,11 @@ def test_folders_import_each_other_in_one_direction() -> None:
     assert not [sorted(circle) for circle in circles(arrows())]
 
 
-def test_a_circle_is_found() -> None:
+def test_an_import_cycle_is_detected() -> None:
     graph = {"a": frozenset("b"), "b": frozenset("c"), "c": frozenset("b"), "d": frozenset("a")}
     assert circles(graph) == {frozenset("bc")}
 
 
-def test_every_folder_is_there_to_be_checked() -> None:
+def test_the_checks_find_all_folders() -> None:
     assert set(PACKAGES) <= {named(folder) for folder in folders()}
     assert "exudyn_model/bodies" in arrows()["exudyn_model/control"]

@@ -1,4 +1,4 @@
-"""The pages that people write by hand keep up with the program."""
+"""The hand-written pages agree with the program."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DIAGNOSIS = (ROOT / "docs" / "diagnosis.md").read_text("utf-8")
 README = (ROOT / "README.md").read_text("utf-8")
 EVIDENCE = (ROOT / "docs" / "evidence.md").read_text("utf-8")
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "examples").glob("*/*.md")])
-#: Lines of the README: a page that is read to its end.
+#: Largest number of lines of the README, so that it is read to its end.
 MOST_LINES = 120
 
 IN_THE_FILE = (
@@ -41,11 +41,11 @@ def toml_blocks(page: str) -> list[str]:
 @pytest.mark.parametrize(
     "part", [mapping.Mapping, mapping.TimeSource, mapping.ChannelSource, mapping.Pick, mapping.ServoVoltage]
 )
-def test_every_key_of_a_map_is_on_its_page(part: type[mapping.Mapping]) -> None:
+def test_every_key_of_a_map_is_documented(part: type[mapping.Mapping]) -> None:
     assert not [key for key in part.model_fields if f"`{key}`" not in RECORDING]
 
 
-def test_every_quantity_is_on_the_page_of_recordings() -> None:
+def test_every_quantity_is_documented() -> None:
     assert not [name for name in QUANTITIES if f".{name}" not in RECORDING]
 
 
@@ -61,7 +61,7 @@ def rows_of_evidence() -> list[list[str]]:
 
 
 @pytest.mark.parametrize("row", rows_of_evidence(), ids=lambda row: row[0][:40])
-def test_every_number_of_the_evidence_is_on_its_page(row: list[str]) -> None:
+def test_every_number_of_the_evidence_table_is_on_its_page(row: list[str]) -> None:
     _, numbers, pages, _ = row
     found = re.findall(r"\]\(([^)]+)\)", pages)
     text = " ".join((ROOT / "docs" / page).read_text("utf-8") for page in found)
@@ -69,7 +69,7 @@ def test_every_number_of_the_evidence_is_on_its_page(row: list[str]) -> None:
 
 
 def numbers_in(text: str) -> set[str]:
-    """As they are written: 93.7, 89/95, 2e-11."""
+    """Numbers as written: 93.7, 89/95, 2e-11."""
     return {found.rstrip(".e/-") for found in re.findall(r"[0-9][0-9.e/-]*", text)}
 
 
@@ -78,7 +78,7 @@ def test_the_readme_is_short() -> None:
 
 
 @pytest.mark.parametrize("part", IN_THE_FILE, ids=lambda part: part.__name__)
-def test_every_key_of_the_diagnosis_is_on_its_page(part: type) -> None:
+def test_every_key_of_the_diagnosis_is_documented(part: type) -> None:
     assert not [f.name for f in dataclasses.fields(part) if f"`{f.name}`" not in DIAGNOSIS]
 
 
@@ -92,14 +92,14 @@ def test_the_readme_names_every_command_option_and_shipped_robot() -> None:
 
 
 def anchors_of(page: str) -> set[str]:
-    """What links into a page may name: its headings as GitHub writes them, and marks of its own."""
+    """Valid link anchors of a page: its headings in GitHub's form, and explicit anchors."""
     titles = re.findall(r"^#+ (.+)$", page, flags=re.MULTILINE)
     words = [re.sub(r"[^\w\- ]", "", title.replace("`", "").lower()) for title in titles]
     return {word.strip().replace(" ", "-") for word in words} | set(re.findall(r'<a id="([^"]+)"', page))
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
-def test_links_lead_somewhere(path: Path) -> None:
+def test_links_have_existing_targets(path: Path) -> None:
     for target in re.findall(r"\]\(([^)]+)\)", path.read_text("utf-8")):
         if "://" in target:
             continue
@@ -116,7 +116,7 @@ def test_the_citation_names_the_version_of_the_package() -> None:
     assert f"license: {project['license']}" in citation
 
 
-def test_the_version_is_the_newest_heading_of_the_changelog_with_the_day_of_the_citation() -> None:
+def test_version_and_date_agree_with_changelog_and_citation() -> None:
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     changelog = (ROOT / "CHANGELOG.md").read_text("utf-8")
     newest = re.search(r"^## \[(\d.*)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)

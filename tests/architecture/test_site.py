@@ -1,4 +1,4 @@
-"""The notebook runs, and the site has the pages that it lists."""
+"""The notebook runs, and the site navigation lists existing pages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def listed(entries: object) -> list[str]:
     return [name for value in values for name in listed(value)]  # type: ignore[attr-defined]
 
 
-def test_every_page_of_the_site_is_there_and_every_page_is_in_it() -> None:
+def test_the_site_navigation_lists_exactly_the_existing_pages() -> None:
     pages = listed(yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))["nav"])
     made = {"docs/notebook.md"}  # of docs/notebook.py
     assert [page for page in pages if page not in made and not (ROOT / page).is_file()] == []
@@ -29,7 +29,7 @@ def test_every_page_of_the_site_is_there_and_every_page_is_in_it() -> None:
 
 
 @pytest.mark.proof
-def test_the_notebook_finds_what_was_put_into_its_log(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_notebook_finds_the_simulated_friction(capsys: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         left = runpy.run_path(str(ROOT / "docs" / "notebook.py"))

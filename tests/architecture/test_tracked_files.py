@@ -1,4 +1,4 @@
-"""What is in the repository runs on any machine: no path, no registry, no server open to others."""
+"""The repository is machine-independent: no local path, no registry, no server open to others."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-#: Folders of a particular machine. Written in parts, or this file would be found by its own test.
+#: Folders of a particular machine. Written in parts, or this file would fail its own test.
 MACHINE_PATH = re.compile(r"(?<![\w.~$}/:])/(?:work|root|home|opt|tmp|Users|mnt)" + r"/[\w.]")
 
-#: Where packages come from is a matter of the machine's settings, never of this repository.
+#: The source of packages belongs to the machine's settings, never to this repository.
 REGISTRY = re.compile(
     "|".join(("pypi" + r"\.org", "python" + "hosted", "(?:extra-)?index" + "-url", "find" + "-links"))
 )
@@ -47,7 +47,7 @@ def hits(pattern: re.Pattern[str]) -> list[str]:
     return found
 
 
-def test_no_path_of_one_machine() -> None:
+def test_no_machine_specific_path() -> None:
     assert not hits(MACHINE_PATH)
 
 
@@ -55,7 +55,7 @@ def test_no_registry() -> None:
     assert not hits(REGISTRY)
 
 
-def test_no_server_open_to_others() -> None:
+def test_no_server_listens_on_all_interfaces() -> None:
     assert not hits(OPEN_SERVER)
 
 
@@ -68,7 +68,7 @@ def test_no_server_open_to_others() -> None:
         (OPEN_SERVER, "bind 0.0.0" + ".0"),
     ],
 )
-def test_the_patterns_find_what_they_look_for(pattern: re.Pattern[str], text: str) -> None:
+def test_the_patterns_detect_violations(pattern: re.Pattern[str], text: str) -> None:
     assert pattern.search(text)
 
 

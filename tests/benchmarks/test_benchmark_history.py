@@ -1,4 +1,4 @@
-"""The history of the benchmarks: rows from reports, regressions by ratio, and files that are none."""
+"""The history of the benchmarks: rows from reports, regressions by ratio, and invalid files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rows(*ratios: float, **changed: Any) -> tuple[Row, ...]:
 
 
 def report(*, own: float = 1e-3, peer: float = 4e-2, time: str = "2026-02-01T00:00:00") -> dict[str, Any]:
-    """As pytest-benchmark writes it, what is read of it."""
+    """A report of pytest-benchmark, limited to the parts that are read."""
     benchmarks = [
         {"group": "motion: flexible", "extra_info": {"ours": True, "seconds": own}},
         {"group": "motion: flexible", "extra_info": {"peer": "Exudyn RK44", "seconds": peer}},
@@ -61,7 +61,7 @@ def test_a_report_gives_a_row_of_ratios() -> None:
     )
 
 
-def test_a_row_keeps_what_the_run_took_since_it_began(
+def test_a_row_stores_the_duration_of_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "report.json").write_text(json.dumps(report()))
@@ -76,7 +76,7 @@ def test_a_row_keeps_what_the_run_took_since_it_began(
     assert "432 s of wall time" in bench_part(files["json"])
 
 
-def test_a_run_of_unknown_length_is_said_nowhere(tmp_path: Path) -> None:
+def test_an_unknown_duration_is_not_shown(tmp_path: Path) -> None:
     path = tmp_path / "history.json"
     write(path, [ROW])
     assert bench_part(path) == bench_part(tmp_path / "none.json") == ""
@@ -90,14 +90,14 @@ def test_a_machine_twice_as_slow_gives_the_same_row() -> None:
 
 
 @pytest.mark.parametrize("damage", ["benchmarks", "machine_info", "commit_info", "datetime"])
-def test_what_is_no_report_is_refused(damage: str) -> None:
+def test_an_invalid_report_is_refused(damage: str) -> None:
     broken = report()
     del broken[damage]
     with pytest.raises(InputError, match="not one of pytest-benchmark"):
         row_of(broken, versions={}, load=0.0)
 
 
-def test_a_ratio_that_falls_is_a_regression_and_one_that_rises_is_none() -> None:
+def test_only_a_falling_ratio_is_a_regression() -> None:
     before = (40.0,) * ENOUGH
     (fallen,) = changes(rows(*before, 0.99 * ALLOWED * 40.0))
     assert fallen.regressed
@@ -107,37 +107,37 @@ def test_a_ratio_that_falls_is_a_regression_and_one_that_rises_is_none() -> None
         assert not change.regressed
 
 
-def test_too_few_rows_judge_nothing() -> None:
+def test_too_few_rows_give_no_regression() -> None:
     (change,) = changes(rows(*(40.0,) * (ENOUGH - 1), 1.0))
     assert change.before is None
     assert not change.regressed
     assert changes(()) == ()
 
 
-def test_one_bad_run_does_not_move_what_later_ones_are_compared_with() -> None:
+def test_the_median_is_robust_to_one_bad_run() -> None:
     (change,) = changes(rows(40.0, 41.0, 2.0, 39.0, 40.0, 20.0))
     assert change.before == 40.0
     assert change.regressed
 
 
-def test_only_the_last_rows_are_compared_with() -> None:
+def test_only_recent_rows_are_compared() -> None:
     (change,) = changes(rows(*(400.0,) * 5, *(40.0,) * WINDOW, 39.0))
     assert change.before == 40.0
 
 
 @pytest.mark.parametrize("changed", [{"machine": "Linux aarch64, other"}, {"versions": {"exudyn": "1.12"}}])
-def test_another_machine_or_peer_is_another_story(changed: dict[str, Any]) -> None:
+def test_other_machines_and_peers_are_not_compared(changed: dict[str, Any]) -> None:
     (change,) = changes((*rows(*(400.0,) * 5, **changed), replace(ROW, time="2027")))
     assert change.before is None
 
 
-def test_another_peers_version_does_not_matter() -> None:
+def test_the_version_of_an_unrelated_peer_does_not_matter() -> None:
     old = rows(*(40.0,) * ENOUGH, versions={"exudyn": "1.13", "mujoco": "3"})
     (change,) = changes((*old, replace(ROW, time="2027", versions={"exudyn": "1.13", "mujoco": "4"})))
     assert change.before == 40.0
 
 
-def test_the_same_run_twice_is_one_row() -> None:
+def test_adding_the_same_run_twice_gives_one_row() -> None:
     again = replace(ROW, commit="def")
     assert appended((ROW,), again) == (again,)
 
@@ -156,7 +156,7 @@ made = st.builds(
 
 
 @given(st.lists(made, max_size=5))
-def test_what_is_written_is_read_and_shown(
+def test_a_history_round_trips_and_is_shown(
     tmp_path_factory: pytest.TempPathFactory, found: list[Row]
 ) -> None:
     path = tmp_path_factory.mktemp("history") / "history.json"
@@ -184,7 +184,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("content", BAD.values(), ids=BAD.keys())
-def test_a_bad_history_is_reported_in_one_sentence(
+def test_an_invalid_history_is_reported_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
 ) -> None:
     path, page_path = tmp_path / "history.json", tmp_path / "page.html"
@@ -266,7 +266,7 @@ def test_a_report_without_peers_adds_no_row(tmp_path: Path, capsys: pytest.Captu
     assert not path.exists()
 
 
-def test_the_printed_table_has_what_both_took_and_the_ratio() -> None:
+def test_the_printed_table_has_both_times_and_the_ratio() -> None:
     found = report(own=1e-3, peer=4e-2)
     row = row_of(found, versions={}, load=0.0)
     lines = ratios(found, changes([row])).splitlines()
@@ -275,7 +275,7 @@ def test_the_printed_table_has_what_both_took_and_the_ratio() -> None:
     assert lines[2].split() == ["Exudyn", "RK44", "1", "40", "40", "-"]
 
 
-def test_the_viewers_file_has_every_ratio_at_its_run(tmp_path: Path) -> None:
+def test_the_rerun_file_has_every_ratio_at_its_run(tmp_path: Path) -> None:
     path = tmp_path / "history.rrd"
     write_history(rows(40.0, 30.0), path)
     found = [
@@ -303,7 +303,7 @@ class _Outside(HTMLParser):
         self.found += [f"{tag} {key}" for key, _ in attrs if key in ("src", "href") or key.startswith("on")]
 
 
-def test_the_page_is_self_contained_and_escapes_what_it_shows() -> None:
+def test_the_page_is_self_contained_and_escapes_its_content() -> None:
     name = "<script>alert(1)</script>: Exudyn"
     text = page((*rows(1.0, 2.0), replace(ROW, time="2027", ratios={name: 3.0})))
     assert "<script>" not in text

@@ -1,4 +1,4 @@
-"""Cases of the effects' table are drawn and told as it says; what a page counts is what its rows hold."""
+"""Cases of the effects study are drawn and reported as stated; the page's counts agree with its rows."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_every_effect_has_cases_in_which_it_alone_is_hidden(effect: str) -> None
                 assert case.design == drawn(key, shipped).design
 
 
-def test_seeds_of_pages_are_apart_from_each_other_and_from_the_challenges() -> None:
+def test_seeds_of_pages_are_disjoint_and_differ_from_those_of_the_challenge() -> None:
     alone = effects_study.keys(EVERY, effects_study.FIRST_SEED, effects_study.DRAWS)
     pairs = [key for pair in hard_pairs.PAIRS for key in hard_pairs.keys(pair, hard_pairs.FIRST_SEED, 1)]
     numbers = [key.number for key in (*alone, *pairs)]
@@ -55,12 +55,12 @@ def test_seeds_of_pages_are_apart_from_each_other_and_from_the_challenges() -> N
     assert not set(numbers) & set(DEVELOPMENT_SEEDS)
 
 
-def test_no_page_uses_a_seed_that_was_looked_at() -> None:
-    """30110 to 30133 were, for the hard pairs."""
+def test_no_page_uses_an_inspected_seed() -> None:
+    """30110 to 30133 were inspected, for the hard pairs."""
     assert hard_pairs.FIRST_SEED >= 30400
 
 
-def test_a_joint_that_warms_loses_friction_in_the_recording() -> None:
+def test_friction_of_a_warming_joint_decreases_in_the_recording() -> None:
     (key,) = effects_study.keys(["temperature_dependent_friction"], 10200, 1)
     case = drawn(key, "two_link_arm")
     assert case.warming is not None
@@ -120,13 +120,14 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     )
 
 
-def test_a_case_that_does_not_show_says_why_it_is_not_counted() -> None:
+def test_an_unobservable_case_states_why_it_is_not_counted() -> None:
     faint = replace(RIGHT, strength=3.25)
     text = page([faint], command="x")
     assert "| place right | - |" in text
     assert "Not counted, for reasons that stand with each case: 10 (coulomb_friction)." in text
     assert "| yes, not counted | yes, not counted |" in text
-    why = "one of the two recordings shows it by 3.25 only, says the true model, and 28 are needed in both."
+    strength = "by the true model its strength in one of the two recordings is 3.25 only,"
+    why = f"{strength} and 28 is needed in both."
     assert reason(faint) == why
     assert f"- 10: Named, but not counted: {why}" in text
     assert f"- 10: Not counted: {why}" in page([replace(faint, name_right=False)], command="x")
@@ -135,7 +136,7 @@ def test_a_case_that_does_not_show_says_why_it_is_not_counted() -> None:
     assert "not counted" not in page([RIGHT], command="x").split("## Effect by effect")[1]
 
 
-def test_effects_that_no_torque_shows_are_said_not_to_be_weighed() -> None:
+def test_effects_unobservable_in_torques_are_marked_as_not_weighed() -> None:
     unnamed = replace(RIGHT, findings=(), name_right=False, in_set=False, left=())
     for effect in EVERY:
         row = replace(unnamed, key=replace(RIGHT.key, effect=effect))
@@ -146,10 +147,8 @@ def test_effects_that_no_torque_shows_are_said_not_to_be_weighed() -> None:
     assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, mount], command="x")
 
 
-def test_the_introduction_says_how_often_a_case_is_drawn(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """What is said is what `_recorded` does: the first draw stays where links bend."""
+def test_the_introduction_states_the_number_of_draws(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The text agrees with `_recorded`: with flexible links the first draw is kept."""
     attempts: list[int] = []
 
     class Drawn:
@@ -177,7 +176,7 @@ def test_the_introduction_says_how_often_a_case_is_drawn(
 
 
 @pytest.mark.parametrize("study", [effects_study, hard_pairs])
-def test_the_page_says_the_arguments_that_made_it(
+def test_the_page_states_its_command_line_arguments(
     study: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(study, "rows", lambda wanted, **how: [])
@@ -189,7 +188,7 @@ def test_the_page_says_the_arguments_that_made_it(
     assert f"Made by `{study.COMMAND} --first-seed 10200 --draws 2` on" in out.read_text("utf-8")
 
 
-def test_flanks_that_give_are_no_wrong_name() -> None:
+def test_elasticity_of_backlash_flanks_is_not_a_wrong_name() -> None:
     spring = finding("joint_elasticity", "joint1", stiffness=1e4)
     key = replace(RIGHT.key, effect="backlash")
     row = replace(RIGHT, key=key, findings=(finding("backlash", "joint1", half_width=1e-3), spring))
@@ -197,7 +196,7 @@ def test_flanks_that_give_are_no_wrong_name() -> None:
     assert strangers(replace(row, key=replace(key, effect="torque_gain"))) != []
 
 
-def test_pairs_that_nothing_tells_apart_must_be_called_ambiguous() -> None:
+def test_indistinguishable_pairs_must_be_reported_as_ambiguous() -> None:
     pair = next(pair for pair in hard_pairs.PAIRS if pair.alike)
     key = Key("torque_gain", 1, ("single_axis",))
     both = {**finding("torque_gain", "joint1", 0.5), "ambiguous_with": ["payload@carriage"]}
@@ -207,8 +206,8 @@ def test_pairs_that_nothing_tells_apart_must_be_called_ambiguous() -> None:
     assert "0 of 1 answers" in pairs_page([(pair, [sure])], command="x")
 
 
-def test_the_true_robot_improves_all_that_it_can() -> None:
-    """Run in closed loop on the held-out motion it leaves noise and the difference of the engines."""
+def test_the_true_robot_has_the_full_improvement() -> None:
+    """In closed-loop simulation of the held-out motion only noise and engine differences remain."""
     drawn_case = draw_case("viscous_friction", 10200, "single_axis")
     design = drawn_case.design
     brief = {"duration": 1.5, "sample_rate": 200.0}

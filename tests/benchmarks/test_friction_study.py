@@ -1,4 +1,4 @@
-"""The friction study's cases: each part of a law can be switched alone, and the modes are enough."""
+"""The friction study's cases: each part of a law can be switched separately, and the modes suffice."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from reference_model.plant.closed_loop import Plant
 from robot_model import load_robot
 
 
-def test_equal_coefficients_leave_nothing_of_the_static_one() -> None:
+def test_equal_coefficients_remove_the_static_friction_excess() -> None:
     for law in LAWS[1:]:
         for use in Case(law, preload=PRELOAD, static=MU_KINETIC).robot.effects:
             values = use.model_dump()
@@ -18,7 +18,7 @@ def test_equal_coefficients_leave_nothing_of_the_static_one() -> None:
             assert values["load_static_coefficient"] == values["load_coefficient"]
 
 
-def test_the_joint_of_a_planar_model_is_loaded_by_the_radial_force_alone() -> None:
+def test_a_planar_joint_model_is_loaded_by_the_radial_force_only() -> None:
     loads = {}
     for joint in ("spatial", "planar"):
         plant = Plant(Case("none", joint=joint).robot)
@@ -31,14 +31,14 @@ def test_the_joint_of_a_planar_model_is_loaded_by_the_radial_force_alone() -> No
     assert (loads["spatial"][:, 3] > 2 * total).all()
 
 
-def test_the_fourth_free_frequency_is_within_one_per_cent_with_the_modes_of_the_study_only() -> None:
+def test_only_the_modes_of_the_study_give_the_fourth_frequency_within_one_percent() -> None:
     case = Case("none")
     limit = free_frequencies(case.but(elements=CONVERGED[0], modes=CONVERGED[1]).robot)[3]
     assert abs(free_frequencies(case.robot)[3] / limit - 1) < 0.01
     assert abs(free_frequencies(case.but(elements=SHIPPED[0], modes=SHIPPED[1]).robot)[3] / limit - 1) > 0.1
 
 
-def test_the_robots_are_shipped_with_the_modes_that_the_page_says() -> None:
+def test_shipped_robots_have_the_modes_stated_on_the_page() -> None:
     for name in ("flexible_space_robot", "flexible_space_robot_planar"):
         beams = [link.beam for link in load_robot(name).links if link.beam]
         assert [(beam.elements, beam.modes) for beam in beams] == [SHIPPED]

@@ -1,4 +1,4 @@
-"""What the page of full-length crosschecks says of a robot that leaves its band, without running one."""
+"""The page of full-length crosschecks for a robot that exceeds its band, without running one."""
 
 from __future__ import annotations
 
@@ -24,22 +24,20 @@ def result(inside: float) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(("inside", "told"), [(1.0, "yes"), (0.5, "50.00 %")])
+@pytest.mark.parametrize(("inside", "shown"), [(1.0, "yes"), (0.5, "50.00 %")])
 def test_a_channel_outside_its_band_is_reported_and_fails(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, inside: float, told: str
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, inside: float, shown: str
 ) -> None:
     monkeypatch.setattr(full_length, "FOLDER", tmp_path / "kept")
     monkeypatch.setattr(full_length, "EVIDENCE", tmp_path)
     monkeypatch.setattr(full_length, "run", lambda name: result(inside))
-    assert full_length.main(["two_link_arm"]) == (0 if told == "yes" else 1)
+    assert full_length.main(["two_link_arm"]) == (0 if shown == "yes" else 1)
     page = (tmp_path / "crosscheck_full_length.md").read_text()
-    assert f"| `joint1.position` | rad | 2.0e-06 | 1.0e-06 | 2.0e-06 | - | 1.0e-06 | {told} |" in page
+    assert f"| `joint1.position` | rad | 2.0e-06 | 1.0e-06 | 2.0e-06 | - | 1.0e-06 | {shown} |" in page
     assert "| 1.0 (0.5) | - | - | - | abc |" in page
 
 
-def test_robots_that_were_not_run_anew_stay_on_the_page(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_robots_that_were_not_rerun_stay_on_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(full_length, "FOLDER", tmp_path / "kept")
     monkeypatch.setattr(full_length, "EVIDENCE", tmp_path)
     monkeypatch.setattr(full_length, "run", lambda name: {**result(1.0), "robot": name})

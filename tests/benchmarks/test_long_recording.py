@@ -1,13 +1,13 @@
-"""The page about one minute at 1 kHz, made of one second."""
+"""The page on one minute at 1 kHz, made from one second."""
 
 from pathlib import Path
 
-from benchmarks.speed.long_recording import page, recorded, said, timed
+from benchmarks.speed.long_recording import answer_facts, page, recorded, timed
 from missing_physics.recordings import load_recording
 from robot_model import load_robot
 
 
-def test_a_short_one_is_recorded_timed_and_reported(tmp_path: Path) -> None:
+def test_a_short_recording_is_made_timed_and_reported(tmp_path: Path) -> None:
     hidden = recorded(tmp_path, 2.0)
     assert not load_robot(tmp_path / "robot.toml").effects
     assert hidden
@@ -21,7 +21,7 @@ def test_a_short_one_is_recorded_timed_and_reported(tmp_path: Path) -> None:
     assert "`lugre_friction@joint1` (load_coefficient 0.1, " in text
 
 
-def test_the_page_tells_truth_beside_names_and_what_was_not_looked_for() -> None:
+def test_the_page_lists_truth_next_to_names_and_the_unsearched_effects() -> None:
     answer = {
         "verdict": "explained",
         "findings": [
@@ -33,7 +33,7 @@ def test_the_page_tells_truth_beside_names_and_what_was_not_looked_for() -> None
             "Not searched for, since no torque along a motion shows them: slosh.",
         ],
     }
-    found = {"wall": 1.0, "processor": 1.0, "megabytes": 60.0, "summary": "said", **said(answer)}
+    found = {"wall": 1.0, "processor": 1.0, "megabytes": 60.0, "summary": "said", **answer_facts(answer)}
     hidden = ("lugre_friction@joint1", "viscous_friction@joint2")
     text = page(found, hidden, seconds=2.0, samples=2001)
     assert "| `lugre_friction@joint1` | yes | 0.95 |" in text

@@ -1,4 +1,4 @@
-"""What making a chain's code takes: measured by the compiler that the cache calls, and how it grows."""
+"""Cost of making a chain's code: measured by the compiler that the cache calls, and its growth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from benchmarks.speed.making import MADE, exponents, made
 from reference_model.codegen.compiled import compiler
 
 
-def test_the_exponent_is_that_of_a_power() -> None:
+def test_the_fitted_exponent_is_that_of_a_power_law() -> None:
     lengths = (8, 16, 32)
     rows = [{key: 3.0 * links ** (0.1 * place) for place, key in enumerate(MADE)} for links in lengths]
     found = exponents(lengths, rows)
@@ -18,7 +18,7 @@ def test_the_exponent_is_that_of_a_power() -> None:
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
-def test_code_is_compiled_anew_and_its_cost_is_that_of_the_compiler() -> None:
+def test_code_is_recompiled_and_its_cost_is_that_of_the_compiler() -> None:
     first, again = made("straight", "rigid", 2), made("straight", "rigid", 2)
     assert first["library"] == again["library"] > 0  # from an empty cache each time, and the same code
     for found in (first, again):

@@ -1,5 +1,5 @@
-"""Exudyn without Python runs the motions that the reference model runs, and with compiled functions those
-that it runs with functions in Python: else their times mean nothing.
+"""Exudyn without Python agrees with the reference model, and with compiled functions it agrees with Python
+functions: otherwise comparing their times would be meaningless.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ PYTHON = "twin(case.robot, sensors=False, step=2.5e-4)"
 
 
 def difference(motion: str, method: str, other: str, *, compiled: bool) -> float:
-    """Largest difference of a quantity, over the range of what moves most."""
+    """Largest difference of a quantity, relative to the largest range of its channels."""
     script = SCRIPT.replace("OTHER", other).replace("COMPILED", str(compiled))
     command = [sys.executable, "-W", "ignore", "-c", script, motion, method]
     environment = {**os.environ, SWITCH: "on" if compiled else "off"}
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment)
-    assert told.returncode == 0, told.stderr
-    return float(np.float64(told.stdout.splitlines()[-1]))
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment)
+    assert process.returncode == 0, process.stderr
+    return float(np.float64(process.stdout.splitlines()[-1]))
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def difference(motion: str, method: str, other: str, *, compiled: bool) -> float
         pytest.param("flexible, Stribeck", "generalised alpha", marks=pytest.mark.proof),
     ],
 )
-def test_it_is_the_same_motion(motion: str, method: str) -> None:
+def test_native_exudyn_gives_the_same_motion(motion: str, method: str) -> None:
     # steps of 0.25 ms by second order
     assert difference(motion, method, REFERENCE, compiled=False) < 1e-5
 

@@ -1,4 +1,4 @@
-"""Other tools on a recording by formula, whose truth they must find: else the comparison would be unfair."""
+"""Other tools must find the truth of an analytic recording: otherwise the comparison would be unfair."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_least_squares_finds_the_truth(as_voltage: bool) -> None:
     assert error(made, peer_tools.nominal(made)) > 0.1
 
 
-def test_a_refit_without_friction_leaves_it() -> None:
+def test_a_refit_without_friction_terms_leaves_friction_in_the_residual() -> None:
     made = case()
     answer = peer_tools.refitted(made)
     assert 0.05 < error(made, answer) <= error(made, peer_tools.nominal(made))
@@ -103,7 +103,7 @@ def test_sparse_regression_finds_the_terms() -> None:
     assert error(made, answer) < 0.02
 
 
-def test_sparse_regression_may_not_use_what_it_predicts() -> None:
+def test_sparse_regression_does_not_use_the_measured_torque() -> None:
     """With the measured torque among the regressors, torque = torque would be the best law."""
     pytest.importorskip("pysindy")
     made = case()
@@ -131,15 +131,15 @@ def test_system_identification_of_mujoco_finds_the_truth(as_voltage: bool) -> No
     assert error(made, answer) < 0.03
 
 
-def test_what_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_peer_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pysindy", None)
     answer = peer_tools.sparse(case())
     assert not answer.predicted
     assert "not installed" in answer.note
 
 
-def test_other_motor_constants_do_not_change_what_was_measured() -> None:
-    """The voltage that a robot needs is compared, so that a weak motor needs more of it."""
+def test_other_motor_constants_do_not_change_the_measured_torque() -> None:
+    """The required voltage is compared, so that a weak motor requires more of it."""
     made = case(as_voltage=True)
     robot = made.nominal
     [joint] = robot.joints
@@ -150,12 +150,12 @@ def test_other_motor_constants_do_not_change_what_was_measured() -> None:
     np.testing.assert_allclose(same, motion.along.nominal(), atol=1e-12)
     other = motion.predicted(robot.model_copy(update={"joints": (weak,)}))
     speed = motion.state[1]
-    # V = R/k torque + k speed, told as k0/R (V - k0 speed)
+    # V = R/k torque + k speed, written as k0/R (V - k0 speed)
     expected = 0.25 * (8.0 * same + 0.25 * speed - 0.5 * speed)
     np.testing.assert_allclose(other, expected, atol=1e-12)
 
 
-def test_friction_that_depends_on_the_torque_is_predicted_without_the_measured_one() -> None:
+def test_torque_dependent_friction_is_predicted_without_measured_torque() -> None:
     """T = ID + s |T| sgn(v), so T = ID / (1 - s) where it drives and ID / (1 + s) where it is driven."""
     made = case()
     share = 0.4

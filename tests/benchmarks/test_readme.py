@@ -1,4 +1,4 @@
-"""What README and `docs/real_machines.md` show of a command's output."""
+"""Consoles of README and `docs/real_machines.md` from a command's output."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ What is missing
 """
 
 
-def test_the_verdict_the_errors_and_the_first_finding_stay_and_dots_stand_for_the_rest() -> None:
+def test_a_short_console_keeps_verdict_errors_and_first_finding_and_marks_omissions() -> None:
     assert shortened(PRINTED) == SHORT
 
 
-def test_without_anything_left_out_there_are_no_dots() -> None:
+def test_a_complete_console_has_no_omission_marks() -> None:
     whole = "EXPLAINED: Coulomb friction at joint1\n\nWhat is missing\n  Coulomb friction at joint1  83 %\n"
     assert shortened(whole) == whole.replace("\n\n", "\n")
 
@@ -73,7 +73,7 @@ def test_readme_shows_the_command_of_the_row(name: str) -> None:
     assert text in README.read_text("utf-8")
 
 
-def test_every_machine_has_its_place_on_the_pages() -> None:
+def test_every_machine_has_its_marks_on_the_pages() -> None:
     for page, name, kind in [(README, BLOCK, "console"), *((MORE, name, "text") for name in SHOWN)]:
         again = with_example(page.read_text("utf-8"), name, kind, "NEW\n")
         assert BEGIN.format(name=name, kind=kind) + "NEW\n" + END in again

@@ -1,4 +1,4 @@
-"""Figures of lines: everything lies inside the picture, however many curves there are."""
+"""Figures of lines: everything is inside the picture for any number of curves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def picture(labels: list[str]) -> str:
 
 
 @given(st.lists(WORDS, min_size=1, max_size=12, unique=True))
-def test_no_name_in_the_legend_runs_off_the_picture(labels: list[str]) -> None:
+def test_legend_entries_stay_inside_the_picture(labels: list[str]) -> None:
     text = picture(labels)
     width = float(re.search(r'width="(\d+)"', text)[1])  # type: ignore[index]
     named = re.findall(r'<text x="(-?[\d.]+)" y="[\d.]+">([^<]*)</text>', text)
@@ -28,7 +28,7 @@ def test_no_name_in_the_legend_runs_off_the_picture(labels: list[str]) -> None:
     assert all(float(x) >= 0 and float(x) + LETTER * len(name) <= width for x, name in named)
 
 
-def test_panels_stand_below_a_legend_of_several_rows() -> None:
+def test_panels_are_below_a_legend_of_several_rows() -> None:
     text = picture([f"a rather long name of a curve {k}" for k in range(9)])
     legend = [float(y) for y in re.findall(r'<text x="-?[\d.]+" y="([\d.]+)">', text)]
     titles = [float(y) for y in re.findall(r'y="([\d.]+)" font-size="13"', text)]

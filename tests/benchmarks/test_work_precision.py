@@ -1,4 +1,4 @@
-"""What is said of work and precision: goals counted error by error, and what user functions cost."""
+"""Results on work and precision: goals counted by error, and the cost of user functions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchmarks.work_precision.study import compiled_part, summary
 
 
 def found(name: str, family: str, *times: tuple[float, float], share: float = 0.0) -> Found:
-    """Ours takes a millisecond at every error; the other what is given at 1e-3 and 1e-5."""
+    """Our time is a millisecond at every error; the other's is given at 1e-3 and 1e-5."""
     own = [Point(OWN, "Rosenbrock", "", 1e-3, error, 0.0) for error in (9e-4, 9e-6)]
     other = [Point(family, "RK44", "", seconds, error, 0.0, share) for error, seconds in times]
     return Found(CASES[name], [*own, *other], {}, False, [])
@@ -33,7 +33,7 @@ def cells(text: str, start: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split("|")]
 
 
-def test_goals_are_counted_at_each_error_of_the_motions_that_come_to_it() -> None:
+def test_goals_are_counted_at_each_error_over_the_motions_that_reach_it() -> None:
     row = cells(summary([FAST, SLOW, LOADED]), "| rigid | no user functions")
     assert row[:4] == ["rigid", "no user functions", "20", "1 of 2 (5 to 25)"]
     assert row[5] == "2 of 2 (30 to 40)"
@@ -42,14 +42,14 @@ def test_goals_are_counted_at_each_error_of_the_motions_that_come_to_it() -> Non
     assert (flexible[3], flexible[5]) == ("0 of 1 (50 to 50)", "1 of 1 (200 to 200)")
 
 
-def test_beside_a_ratio_stands_the_share_of_user_functions_and_the_ratio_without_them() -> None:
+def test_ratios_are_also_given_without_the_time_in_user_functions() -> None:
     row = cells(compiled_part([LOADED]), "| flexible, LuGre")
     assert row[2] == "50 (25 %: 37.5)"
     assert share_at(LOADED.points, (COMPILED,), 1e-5) == 0.25
     assert share_at(LOADED.points, (COMPILED,), 1e-9) is None
 
 
-def test_the_viewers_file_has_a_curve_for_every_method(tmp_path: Path) -> None:
+def test_the_rerun_file_has_a_curve_for_every_method(tmp_path: Path) -> None:
     path = tmp_path / "curves.rrd"
     write_curves([FAST, LOADED], path)
     entities = {

@@ -1,4 +1,4 @@
-"""The table of real machines: every row names what exists, loads, and has signs and units of its robot."""
+"""The table of real machines: every row exists, loads, and has the signs and units of its robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ every_row = pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
 
 @pytest.fixture(autouse=True)
 def _data(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The folder of real recordings beside the repository, where no other is named."""
+    """The folder of real recordings next to the repository, unless another is given."""
     beside = ROOT.parent / "shared" / "recordings"
     if not os.environ.get("MISSING_PHYSICS_DATA") and beside.is_dir():
         monkeypatch.setenv("MISSING_PHYSICS_DATA", str(beside))
@@ -54,7 +54,7 @@ def loaded(name: str) -> Loaded:
 
 
 @every_row
-def test_a_row_names_files_that_are_there(row: Machine) -> None:
+def test_a_row_names_existing_files(row: Machine) -> None:
     files = {file.name for file in DATASETS[row.dataset].files}
     assert {run.file for run in (*row.fit, *row.held_out)} <= files
     assert row.fit
@@ -79,7 +79,7 @@ def test_every_dataset_is_in_the_yardstick() -> None:
 
 
 @every_row
-def test_what_is_known_is_in_the_words_of_the_catalogue(row: Machine) -> None:
+def test_published_values_use_names_of_the_catalogue(row: Machine) -> None:
     for known in row.known:
         effect = get_effect(known.effect)
         assert set(known.values) <= {parameter.name for parameter in effect.parameters}
@@ -100,7 +100,7 @@ def test_a_row_loads(row: Machine) -> None:
             assert run.window[0] <= recording.time[0] < recording.time[-1] < run.window[1]
 
 
-def test_runs_that_are_held_out_share_no_sample_with_those_that_are_fitted() -> None:
+def test_held_out_and_fitted_runs_share_no_sample() -> None:
     for row in ROWS.values():
         for fit in row.fit:
             for held in row.held_out:
@@ -151,8 +151,8 @@ def along(row: str) -> Along:
         ("cycloidal_pendulum", "joint1", 0.7),
     ],
 )
-def test_the_torque_is_that_of_the_motion(row: str, joint: str, least: float) -> None:
-    """Signs, units and joints are right where recorded torque and nominal inverse dynamics go together."""
+def test_recorded_torque_matches_the_motion(row: str, joint: str, least: float) -> None:
+    """Signs, units and joints are right if recorded torque and nominal inverse dynamics correlate."""
     found = along(row)
     place = found.joints.index(joint)
     measured, nominal = found.measured[:, place], found.nominal[:, place]
@@ -162,20 +162,20 @@ def test_the_torque_is_that_of_the_motion(row: str, joint: str, least: float) ->
 
 
 def test_every_joint_of_the_quadruped_has_friction_and_damping() -> None:
-    """The PD law, column by column: the targets of another kind of joint would leave nothing like that."""
+    """The PD law, column by column: targets of another kind of joint would not fit."""
     found = along("go2")
     for place, joint in enumerate(found.joints):
         ways = (found.acceleration, found.velocity, found.direction, np.ones_like(found.velocity))
         parts = np.transpose([way[:, place] for way in ways])
         extra = found.measured[:, place] - found.nominal[:, place]
         numbers, left, *_ = np.linalg.lstsq(parts, extra, rcond=None)
-        # At 1 rad/s, because the chirp tells damping and dry friction hardly apart; legs agree to a factor.
+        # At 1 rad/s, because the chirp barely separates damping from dry friction; legs agree to a factor.
         assert 0.3 < numbers[1] + numbers[2] < 2.0, joint
         assert numbers[0] > 0.02 or "calf" not in joint, joint  # the calf's drive is geared down further
         assert left[0] < 0.1 * found.measured[:, place].var() * extra.size, joint
 
 
-def test_the_free_pendulum_swings_at_the_frequency_of_an_even_rod() -> None:
+def test_the_free_pendulum_has_the_frequency_of_a_uniform_rod() -> None:
     """q'' = -w^2 sin q and little else, with w^2 = 3 g/(2 L): rate and unit of the angle are right."""
     recording = loaded("jensen_free_pendulum").fit[0]
     q = _smooth(recording, "joint1.position", 15.0)
@@ -189,7 +189,7 @@ def test_the_free_pendulum_swings_at_the_frequency_of_an_even_rod() -> None:
 
 
 @pytest.mark.parametrize("build", ["base", "conic", "split"])
-def test_the_locked_gear_is_a_spring(build: str) -> None:
+def test_the_locked_gear_behaves_like_a_spring(build: str) -> None:
     """Torque over the motor's angle at large torques: some hundreds of N m/rad, as the authors plot."""
     recording = loaded(f"cycloidal_locked_{build}").fit[1]
     q, tau = (_smooth(recording, name, 2.0) for name in ("joint1.position", "joint1.torque"))
@@ -212,7 +212,7 @@ def _smooth(recording: Recording, channel: str, cutoff: float) -> NDArray:
 
 
 def test_the_published_layout_reads_as_the_prepared_one(tmp_path: Path) -> None:
-    """A run as its authors lay it out, made of the prepared one, gives the same channels."""
+    """A run in its authors' layout, made from the prepared one, gives the same channels."""
     for row in (ROWS["kuka_iiwa14_joint2"], ROWS["arts_friction_damper"]):
         prepared = loaded(row.name).fit[0]
         assert row.published is not None
@@ -244,7 +244,7 @@ def _as_matrix(recording: Recording, file: Path) -> None:
     file.write_text(json.dumps({"data": rows, "sampling freq": 1024, "time units": "s"}))
 
 
-def test_a_machine_that_is_not_here_is_reported_in_words(
+def test_missing_data_of_a_machine_are_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("MISSING_PHYSICS_DATA", str(tmp_path))

@@ -1,4 +1,4 @@
-"""The simulated yardstick: kept cases and answers, resumption, and what its page tells of either half."""
+"""The simulated yardstick: stored cases and answers, resumption, and its page on both halves."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COULOMB = EffectUse.model_validate({"effect": "coulomb_friction", "at": "joint1"
 
 
 def short(number: int) -> Design:
-    """The axis with recordings of a second and friction hidden, whatever the number."""
+    """The axis with recordings of a second and friction hidden, the same for every number."""
     drawn = draw_design(AXIS)
     nominal, name = drawn.nominal, f"{number:012d}"
 
@@ -57,14 +57,14 @@ SCORES: dict[tuple[str, bytes], dict[str, bytes]] = {}
 
 
 def counted(design: Design, files: dict[str, bytes]) -> dict[str, bytes]:
-    """The score of an answer, worked out once for all tests."""
+    """The score of an answer, computed once for all tests."""
     key = design.model_dump_json(), files["diagnosis.json"]
     if key not in SCORES:
         SCORES[key] = scored(design, files)
     return SCORES[key]
 
 
-def said(*names: str) -> bytes:
+def diagnosis_naming(*names: str) -> bytes:
     findings = [
         {"effect": name, "location": "joint1", "probability": 0.9, "parameters": {}, "ambiguous_with": []}
         for name in names
@@ -74,7 +74,7 @@ def said(*names: str) -> bytes:
 
 
 class Steps:
-    """Stands in for the processes; counts what it did, and stops where it is told to."""
+    """Replaces the processes; counts its steps, and stops where requested."""
 
     def __init__(self) -> None:
         self.done: list[str] = []
@@ -94,7 +94,10 @@ class Steps:
             return Outcome("done", made(files["design.json"]), "", 1, 9.0), 2.0
         self.given.append(dict(files))
         self.hidden += hidden
-        answer = {"diagnosis.json": said(*self.names), "robot.augmented.toml": files["robot.toml"]}
+        answer = {
+            "diagnosis.json": diagnosis_naming(*self.names),
+            "robot.augmented.toml": files["robot.toml"],
+        }
         return Outcome("done", answer, "", 1, 9.0), 3.0
 
 
@@ -129,7 +132,7 @@ def test_every_case_has_its_score(tmp_path: Path, steps: Steps) -> None:
     assert one["conditions"]["torque"] == "measured"
 
 
-def test_a_diagnosis_gets_the_case_and_is_kept_from_the_folder(tmp_path: Path, steps: Steps) -> None:
+def test_a_diagnosis_sees_only_its_case(tmp_path: Path, steps: Steps) -> None:
     run(tmp_path)
     assert all(set(given) == {"robot.toml", "recording.csv", "validation.csv"} for given in steps.given)
     assert set(steps.hidden) == {tmp_path}
@@ -138,7 +141,7 @@ def test_a_diagnosis_gets_the_case_and_is_kept_from_the_folder(tmp_path: Path, s
 
 
 @pytest.mark.parametrize("at", range(4))
-def test_an_interrupted_run_goes_on(tmp_path: Path, steps: Steps, at: int) -> None:
+def test_an_interrupted_run_can_be_continued(tmp_path: Path, steps: Steps, at: int) -> None:
     steps.stop_at = at
     assert run(tmp_path) == 130
     assert run(tmp_path) == 0
@@ -172,7 +175,7 @@ def test_a_label_is_one_engine(
     assert "give another --engine-label" in capsys.readouterr().err
 
 
-def test_a_case_that_is_drawn_otherwise_is_made_and_answered_again(
+def test_a_changed_draw_is_made_and_diagnosed_again(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(tmp_path)
@@ -202,7 +205,7 @@ def test_cases_can_be_made_beforehand(tmp_path: Path, steps: Steps) -> None:
     assert not (tmp_path / "answers").exists()
 
 
-def test_the_half_that_is_counted_only_shows_no_case(tmp_path: Path, steps: Steps) -> None:
+def test_the_counted_half_shows_no_single_case(tmp_path: Path, steps: Steps) -> None:
     steps.names = ("payload",)  # wrong in both cases
     run(tmp_path)
     page = (tmp_path / "engine.md").read_text()
@@ -237,7 +240,7 @@ def test_halves_and_their_first_cases() -> None:
         (["--out", "page.md"], "give the name of a JSON file"),
     ],
 )
-def test_bad_words_are_refused_before_any_work(
+def test_invalid_arguments_are_refused_before_any_work(
     tmp_path: Path, steps: Steps, words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command.main(["--folder", str(tmp_path), *words]) == 2
@@ -245,7 +248,7 @@ def test_bad_words_are_refused_before_any_work(
     assert not steps.done
 
 
-def test_scores_of_something_else_are_refused(tmp_path: Path) -> None:
+def test_scores_of_other_cases_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.json"
     for content in ("{", "[]", '{"engine": "a", "cases": [{}]}', '{"engine": "a", "cases": 3}'):
         path.write_text(content)

@@ -1,4 +1,4 @@
-"""Nominal robot, standard model and answer, compared alike; the file that is written is the better one."""
+"""Nominal robot, standard model and answer are compared alike; the better one is written to the file."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ def rows(recording: Recording, channels: tuple[str, ...] = CHANNELS) -> tuple[Ro
 def diagnosed(answer: Robot, own: tuple[Rows, ...], *findings: Finding) -> Result:
     nothing = Errors(1.0, 1.0)
     fit = Fit({c: ChannelFit("N m", nothing, nothing, 0.02) for c in own[0].channels}, 0.0)
-    told = Diagnosis("arm", ("simulated",), (), "explained", "", (), findings, fit)
-    return Result(told, (), (), robot_to_toml(answer), rows=own)
+    diagnosis = Diagnosis("arm", ("simulated",), (), "explained", "", (), findings, fit)
+    return Result(diagnosis, (), (), robot_to_toml(answer), rows=own)
 
 
-def test_the_right_answer_is_written_and_the_standard_model_stands_next_to_it(run: Recording) -> None:
+def test_the_right_answer_is_written_with_the_standard_model_for_comparison(run: Recording) -> None:
     result = compared(diagnosed(MACHINE, rows(run)), ARM, [run], 1)
     found = result.diagnosis
     assert found.comparison.written == "answer"
@@ -72,17 +72,17 @@ def test_the_right_answer_is_written_and_the_standard_model_stands_next_to_it(ru
     assert found.log_score.nominal < found.log_score.answer
 
 
-def test_an_answer_worse_than_the_standard_model_gives_way_to_it_and_proves_nothing(run: Recording) -> None:
+def test_an_answer_worse_than_the_standard_model_is_replaced_by_it(run: Recording) -> None:
     name = Finding("stribeck_friction", "joint1", 0.99, {})
     wrong = ARM.with_effects(friction(9.0), friction(9.0, "joint2"))
     found = judged(compared(diagnosed(wrong, rows(run), name), ARM, [run], 1), ARM)
-    told = found.diagnosis
-    assert told.comparison.written == "standard"
-    assert told.verdict == "unexplained"
-    assert "worse than the standard model" in told.summary
+    diagnosis = found.diagnosis
+    assert diagnosis.comparison.written == "standard"
+    assert diagnosis.verdict == "unexplained"
+    assert "worse than the standard model" in diagnosis.summary
     written = predictions(robot_from_toml(found.augmented_robot_toml), [run], found.rows)
     assert written is not None
-    for channel, one in told.comparison.channels.items():
+    for channel, one in diagnosis.comparison.channels.items():
         assert one.answer == written.errors[channel]  # whatever is written is what is stated
         assert one.standard is not None
         assert one.answer.validation_rms <= 1.02 * one.standard.validation_rms
@@ -114,7 +114,7 @@ def test_a_joint_that_the_standard_model_predicts_better_gets_its_friction(run: 
 
 
 def test_held_out_stretches_are_not_fitted(run: Recording) -> None:
-    """Nonsense in a stretch that is held out changes no number."""
+    """Arbitrary data in a held-out stretch change no estimate."""
     inside = (run.time > 3.5) & (run.time < 4.0)
     spoiled = run.with_channels({c: np.where(inside, run[c] + 50.0, run[c]) for c in CHANNELS})
     plain = fit_standard(ARM, [run], cutoff=8.0, held_out=[[(2.5, 5.0)]]).estimate.values
@@ -123,17 +123,17 @@ def test_held_out_stretches_are_not_fitted(run: Recording) -> None:
     assert np.abs(blind - plain).max() < 0.1 * np.abs(seen - plain).max()
 
 
-def test_without_a_standard_model_there_are_words(run: Recording) -> None:
+def test_a_missing_standard_model_is_explained(run: Recording) -> None:
     found = compared(_empty(), ARM, [run], 1).diagnosis
     assert "too little can be judged" in found.comparison.words
 
 
 def _empty() -> Result:
-    told = Diagnosis("arm", ("simulated",), (), "not_enough_data", "", (), (), Fit({}, 0.0))
-    return Result(told, (), (), robot_to_toml(ARM))
+    diagnosis = Diagnosis("arm", ("simulated",), (), "not_enough_data", "", (), (), Fit({}, 0.0))
+    return Result(diagnosis, (), (), robot_to_toml(ARM))
 
 
-def test_a_singular_regression_is_a_sentence(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_singular_regression_is_explained(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     def singular(*_: object) -> None:
         raise np.linalg.LinAlgError
 
@@ -145,7 +145,7 @@ def test_a_singular_regression_is_a_sentence(run: Recording, monkeypatch: pytest
     assert found.comparison.channels["joint1.torque"].standard is None
 
 
-def test_a_joint_of_which_no_fitted_sample_counts_is_named(run: Recording) -> None:
+def test_a_joint_without_usable_fitted_samples_is_named(run: Recording) -> None:
     [own] = rows(run)
     still = replace(own, counted=own.counted & np.array([True, False]))
     assert not_judged(ARM, (still,)) == ("joint2",)
@@ -156,7 +156,7 @@ def test_a_joint_of_which_no_fitted_sample_counts_is_named(run: Recording) -> No
     assert not_judged(ARM, (own,)) == ()
 
 
-def test_the_standard_model_fits_what_is_compared_at_least_as_well_as_the_file(run: Recording) -> None:
+def test_the_standard_model_fits_the_compared_rows_at_least_as_well_as_the_file(run: Recording) -> None:
     """Also where the recording is compared far above the motion's band."""
     wide = [replace(own, band=Band(60.0, 100.0)) for own in rows(run)]
     found = compared(diagnosed(MACHINE, tuple(wide)), ARM, [run], 1).diagnosis.comparison

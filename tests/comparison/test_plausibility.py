@@ -1,4 +1,4 @@
-"""What numbers of machines can be: one table, and nothing is stated beyond it."""
+"""Credible values of machine parameters: one table, and no stated value is outside it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SPACE = load_robot("six_joint_space_arm")
 WEIGHTLESS = ARM.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
 
 
-def test_every_row_is_of_the_catalogue_with_its_unit_and_narrower_than_it() -> None:
+def test_every_row_matches_the_catalogue_with_a_narrower_range() -> None:
     for row in TABLE:
         parameter = get_effect(row.effect).parameter(row.parameter)
         assert parameter.unit == row.unit
@@ -45,34 +45,36 @@ def test_every_row_is_of_the_catalogue_with_its_unit_and_narrower_than_it() -> N
         ("coulomb_friction", "joint1", {"torque": 1e3}, True),
     ],
 )
-def test_what_can_be(effect: str, place: str, values: dict[str, float], credible: bool) -> None:
+def test_credible_values_are_accepted(
+    effect: str, place: str, values: dict[str, float], credible: bool
+) -> None:
     why = implausible(effect, place, values, ARM)
     assert (why == "") is credible
     assert credible or why.startswith(NOT_CREDIBLE)
 
 
 @pytest.mark.parametrize("robot", [SPACE, WEIGHTLESS])
-def test_gravity_may_be_any_where_a_robot_floats_or_its_file_has_none(robot) -> None:  # type: ignore[no-untyped-def]
+def test_gravity_is_unrestricted_for_floating_robots_or_files_without_it(robot) -> None:  # type: ignore[no-untyped-def]
     assert implausible("gravity", "base", {"x": 0.0, "y": 0.0, "z": -9.81}, robot) == ""
 
 
-def test_no_actuator_is_limited_far_below_the_torque_that_was_needed() -> None:
+def test_a_torque_limit_far_below_the_required_torque_is_not_credible() -> None:
     assert implausible("torque_saturation", "joint1", {"limit": 0.0055}, ARM, needed=1.2)
     assert not implausible("torque_saturation", "joint1", {"limit": 1.1}, ARM, needed=1.2)
 
 
-def test_numbers_are_stated_as_the_written_file_has_them() -> None:
+def test_stated_values_are_those_of_the_written_file() -> None:
     link = ARM.links[-1]
-    told = [
+    stated = [
         ParameterChange(f"{link.name}.mass", "kg", link.mass, link.mass, (-1.0, 50.0)),
         ParameterChange(f"{link.name}.inertia.zz", "kg m^2", 0.1, -0.007, (-0.0077, -0.0071)),
         ParameterChange("viscous_friction@joint1.coefficient", "N m s/rad", 1.0, 2.0, (1.9, 2.1)),
     ]
-    mass, friction = in_the_file(told, ARM, standard=False)
+    mass, friction = in_the_file(stated, ARM, standard=False)
     assert mass.estimate == link.mass
     assert mass.ci95 == (0.0, 50.0)
-    assert friction == told[2]
-    assert in_the_file(told, ARM, standard=True) == ()
+    assert friction == stated[2]
+    assert in_the_file(stated, ARM, standard=True) == ()
 
 
 @pytest.mark.parametrize(
@@ -88,7 +90,7 @@ def test_numbers_are_stated_as_the_written_file_has_them() -> None:
         ("joint1.coulomb", 1.0, 9.0, True),  # friction may be anything
     ],
 )
-def test_bodies_may_be_off_by_what_drawings_leave_out(
+def test_bodies_may_differ_by_parts_missing_in_drawings(
     name: str, nominal: float, estimate: float, expected: bool
 ) -> None:
     robot = load_robot("flexible_space_robot")

@@ -1,4 +1,4 @@
-"""Formulas of both engines at the same states; what a page of evidence shows, `make test` keeps true."""
+"""Formulas of both engines at the same states; `make test` checks the claims of the evidence page."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ pytestmark = pytest.mark.cross_validation
 
 #: States of a subject in the quick tests.
 FEW = 2
-#: Built as one other robot of the quick tests is, and as long to build: these are proofs.
+#: Similar to another robot of the quick tests and as slow to build: long tests only.
 ALIKE = {"imported_lattice_free_free", "imported_frame_clamped_free", "imported_lattice_clamped_free"}
-#: Faults that only the last and largest robots show, after all others were built, or that sit beside another
-#: fault of the same formula: these are proofs.
+#: Faults detected only by the last and largest robots, or next to another fault of the same formula: long
+#: tests only.
 LATE = {
     "modal stiffness from frequencies in Hz",
     "gravity turns a bent link about its unbent centre of mass, as in Exudyn's own load",
@@ -60,24 +60,24 @@ LATE = {
         for s in equation_subjects()
     ],
 )
-def test_equations_of_motion_are_the_same(subject: Subject) -> None:
+def test_engines_agree_on_equations_of_motion(subject: Subject) -> None:
     for item in agreements(replace(subject, states=FEW), seed=2):
         assert item.holds, item
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("subject", [*control_subjects(), *friction_subjects()], ids=lambda s: s.name)
-def test_every_controller_and_law_is_the_same(subject: Subject) -> None:
+def test_engines_agree_on_every_controller_and_law(subject: Subject) -> None:
     for item in agreements(subject, seed=4):
         assert item.holds, item
 
 
-def test_without_a_fault_everything_holds() -> None:
+def test_without_a_fault_all_checks_pass() -> None:
     """Control, friction and loads of the quick robots, and a short motion."""
     assert caught() is None
 
 
-def test_late_faults_are_among_them() -> None:
+def test_the_catalogue_contains_late_faults() -> None:
     assert {fault.what for fault in FAULTS} >= LATE
 
 
@@ -85,7 +85,7 @@ def test_late_faults_are_among_them() -> None:
     "fault",
     [pytest.param(f, id=f.what, marks=pytest.mark.proof if f.what in LATE else ()) for f in FAULTS],
 )
-def test_every_seeded_fault_is_seen(fault: Fault) -> None:
-    """Most are seen by the first robot."""
+def test_every_seeded_fault_is_detected(fault: Fault) -> None:
+    """Most are detected by the first robot."""
     with seeded(fault):
         assert caught() is not None

@@ -1,4 +1,4 @@
-"""Trajectories of both engines: they meet as Exudyn's step shrinks, and stay near at ordinary steps."""
+"""Trajectories of both engines: they converge with Exudyn's step, and are close at ordinary steps."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from benchmarks.cross_validation.matrix import (
 pytestmark = pytest.mark.cross_validation
 
 BY_NAME = {study.name: study for study in STUDIES}
-#: Corners of the matrix that together hold every robot, law and motion; all of it is a proof, as are its
-#: three longest corners.
+#: Corners of the matrix that together cover every robot, law and motion; the complete matrix and its three
+#: longest corners are long tests.
 CORNERS = (
     ("rigid", "planar", "fixed", "Stribeck", "slow"),
     ("rigid", "spatial", "free", "LuGre with load", "reversing"),
@@ -34,7 +34,7 @@ def named(case: Case) -> str:
     return ", ".join(case.labels)
 
 
-def test_rigid_trees_meet_at_sixth_order_down_to_rounding() -> None:
+def test_rigid_trees_converge_at_sixth_order_to_rounding() -> None:
     found = course(BY_NAME["rigid, tree, Runge-Kutta"])
     assert found.holds
     # From the second halving on the tolerance of the reference run, 1e-13, is what is left.
@@ -49,7 +49,7 @@ def test_rigid_trees_meet_at_sixth_order_down_to_rounding() -> None:
         "flexible on flexible, constraints, trapezoidal",
     ],
 )
-def test_constrained_systems_meet_at_second_order(name: str) -> None:
+def test_constrained_systems_converge_at_second_order(name: str) -> None:
     found = course(replace(BY_NAME[name], steps=(1e-3, 5e-4)))
     for quantity in found.relative:
         # The next term of the expansion is of relative size (w h)^2, of the modes a few percent.
@@ -78,7 +78,7 @@ def test_corners_of_the_matrix(case: Case) -> None:
 
 @pytest.mark.proof
 @pytest.mark.parametrize("case", [*cases(), *build_cases(), *controller_cases(), *effect_cases()], ids=named)
-def test_the_whole_matrix(case: Case) -> None:
+def test_the_complete_matrix(case: Case) -> None:
     found = outcome(case)
     assert found.holds, found
 
@@ -91,7 +91,7 @@ def test_every_study_reaches_its_goal(study: Study) -> None:
 
 
 @pytest.mark.proof
-def test_modes_part_from_exact_beams_as_they_bend() -> None:
+def test_modes_deviate_from_exact_beams_with_deflection() -> None:
     coarse, fine = by_elements()[0], by_elements()[-1]
     assert fine.across < coarse.across / 8  # of second order in the elements' length: 16
     gaps = by_load()

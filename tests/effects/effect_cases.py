@@ -1,4 +1,4 @@
-"""What the tests of effects share: motions, parameter values, evaluation at a point."""
+"""Shared parts of the tests of effects: motions, parameter values, evaluation at a point."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def test_jacobian_of_sensor_effects(effect: SensorEffect) -> None:
         np.testing.assert_allclose(jacobian[:, k] / scale, expected / scale, rtol=0, atol=DIFFERENCES)
 
 
-def test_columns_come_in_the_order_asked_for() -> None:
+def test_columns_follow_the_requested_order() -> None:
     along = EffectAlong(_joint("stribeck_friction"))
     parameters = typical(along.effect)
     names = ("stribeck_velocity", "coulomb_torque")
@@ -89,7 +89,7 @@ def _joint(effect_id: str) -> JointEffect:
 
 
 @pytest.mark.parametrize("time_constant", [1e-4, 5e-3, 0.3])
-def test_a_lag_follows_a_ramp_exactly(time_constant: float) -> None:
+def test_a_lag_is_exact_for_a_ramp(time_constant: float) -> None:
     rng = np.random.default_rng(3)
     time = np.cumsum(rng.uniform(1e-4, 2e-2, 600))  # uneven on purpose
     signals = np.zeros((600, len(JointSignals.CHANNELS)))
@@ -162,7 +162,7 @@ def test_steps_are_of_second_order(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_very_stiff_states_end_at_their_moving_rest(count: int) -> None:
+def test_very_stiff_states_follow_their_moving_equilibrium(count: int) -> None:
     def rate(z: ca.SX, row: ca.SX) -> ca.SX:
         return -1e9 * (z - row[1])
 
@@ -176,7 +176,7 @@ def test_very_stiff_states_end_at_their_moving_rest(count: int) -> None:
 
 
 @pytest.mark.parametrize("length", [1, 2, 256, 257, 258, 600])
-def test_a_scan_is_a_loop_whatever_its_length(length: int) -> None:
+def test_a_scan_equals_a_loop_for_any_length(length: int) -> None:
     x, a, b, c = ca.SX.sym("x", 2), ca.SX.sym("a", 3), ca.SX.sym("b", 3), ca.SX.sym("c", 1)
     turn = expm(np.array([[0, 1], [-1, 0]]))
     function = ca.Function("f", [x, a, b, c], [turn @ x + ca.vertcat(a[0] * b[1], c * b[2])])
@@ -199,8 +199,8 @@ def test_very_short_motions(effect: JointEffect, samples: int) -> None:
     assert np.all(np.isfinite(jacobian))
 
 
-def test_a_chain_takes_the_easy_way_only_where_it_holds() -> None:
-    """Whatever the easy function says where it does not hold, the result is that of the sure one."""
+def test_a_chain_uses_the_cheap_step_only_where_it_is_valid() -> None:
+    """Where the fast function is not valid, the result is that of the reliable one."""
     x, begin, end, constants = (ca.SX.sym(name, size) for name, size in zip("xbec", (2, 2, 2, 1)))
     sure = ca.vertcat(ca.cos(x[1]) * constants, x[0] + end[0] - begin[0])
     holds = begin[1]

@@ -1,4 +1,4 @@
-"""A base on springs: frequencies of closed form, weight, and the limits of stiff and of floating."""
+"""A base on springs: analytic frequencies, weight, and the limits of a stiff and a floating base."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def arm(**changes: object) -> Robot:
 
 
 def weight(axis: tuple[float, float, float]) -> Robot:
-    """A carriage that runs into its stop at once and pushes the base off."""
+    """A carriage that hits its stop immediately and pushes the base."""
     slide = Joint(
         name="slide", kind="prismatic", parent="base", child="load", axis=axis, initial_velocity=1.0
     )
@@ -65,7 +65,7 @@ def ringing(recording_time: np.ndarray, x: np.ndarray) -> complex:
     return complex(pole[0])
 
 
-def test_it_swings_and_decays_as_one_mass_on_a_spring() -> None:
+def test_it_oscillates_like_a_damped_mass_on_a_spring() -> None:
     """A welded robot pushed off by a wheel's motor: translation is at rest, turning rings."""
     welded = arm(
         gravity=(0.0, 0.0, 0.0),
@@ -113,7 +113,7 @@ def test_energy_and_work() -> None:
     assert np.ptp(recording["base.position.x"]) > 1e-5
 
 
-def test_no_compliance_is_no_change_at_all() -> None:
+def test_zero_compliance_leaves_the_robot_unchanged() -> None:
     without = simulate(arm(), sensors=False)
     absent = simulate(arm().with_effects(mount(compliance=0.0)), sensors=False)
     assert set(absent.channels) == set(without.channels)
@@ -121,7 +121,7 @@ def test_no_compliance_is_no_change_at_all() -> None:
         np.testing.assert_array_equal(absent[name], without[name])
 
 
-def test_a_stiff_mount_comes_to_the_fixed_base_in_proportion() -> None:
+def test_a_stiff_mount_converges_linearly_to_the_fixed_base() -> None:
     rigid = simulate(arm(), sensors=False, **PRECISE)
 
     def gap(compliance: float) -> float:
@@ -161,7 +161,7 @@ def test_a_very_soft_mount_is_a_free_base() -> None:
         (arm(), mount(inertia=0.0), "no moments of inertia"),
     ],
 )
-def test_what_cannot_be_is_refused(robot: Robot, use: EffectUse, sentence: str) -> None:
+def test_impossible_mounts_are_refused(robot: Robot, use: EffectUse, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as caught:
         simulate(robot.with_effects(use))
     assert "effect 'base_motion' at 'base'" in str(caught.value)

@@ -1,4 +1,4 @@
-"""A rigid link that bends after all: mass kept, frequencies of closed form, the limit of a stiff link."""
+"""Flexibility of a link described as rigid: mass, analytic frequencies, the limit of a stiff link."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def frequencies(robot: Robot) -> np.ndarray:
         *(("six_joint_space_arm", f"link{k}") for k in range(1, 7)),
     ],
 )
-def test_the_undeformed_link_weighs_what_it_weighed(name: str, link: str) -> None:
+def test_the_undeformed_link_keeps_its_mass_properties(name: str, link: str) -> None:
     nominal = load_robot(name)
     bent = truth_of(nominal.with_effects(bends(link, period=0.3))).robot.link(link)
     body, before = flexible_body(bent), ten_numbers(nominal.link(link))
@@ -87,7 +87,7 @@ def test_the_undeformed_link_weighs_what_it_weighed(name: str, link: str) -> Non
     assert bent.beam.mass > 0.4 * bent.mass
 
 
-def test_a_uniform_rod_rings_at_the_clamped_beams_frequency() -> None:
+def test_a_uniform_rod_vibrates_at_the_clamped_beam_frequency() -> None:
     first = frequencies(pole().with_effects(bends("rod", period=0.5)))[0]
     # Rayleigh's 33/140 gives w^2 = 3 E I / (33/140 m L^3), the exact first mode 3.5160^2 E I / (m L^3): a
     # ratio of 0.9856. The hub takes 1 % of the mass; lumping the mass of 12 elements lowers a bare beam's
@@ -96,14 +96,14 @@ def test_a_uniform_rod_rings_at_the_clamped_beams_frequency() -> None:
     assert first == pytest.approx(exact * 2 * np.pi / 0.5, rel=6e-3)
 
 
-def test_a_heavy_load_rings_with_the_period_that_is_asked_for() -> None:
+def test_with_a_heavy_load_the_period_is_the_requested_one() -> None:
     first = frequencies(pole(payload=20.0).with_effects(bends("rod", period=0.5)))[0]
     # Rayleigh's formula holds to 0.1 % with a heavy tip. The two modes in a plane are those of the bare beam,
     # which under a force at the tip give 1 - 12/(4.694^4) - ... = 0.1 % less than its whole compliance.
     assert first == pytest.approx(2 * np.pi / 0.5, rel=2e-3)
 
 
-def test_more_modes_come_nearer_to_rayleigh() -> None:
+def test_the_period_converges_to_rayleighs_with_more_modes() -> None:
     errors = []
     for modes in (2.0, 4.0, 6.0):
         first = frequencies(pole(payload=40.0, mass=0.4).with_effects(bends("rod", period=0.5, modes=modes)))[
@@ -116,7 +116,7 @@ def test_more_modes_come_nearer_to_rayleigh() -> None:
     assert errors[2] < 1.2e-3
 
 
-def test_a_free_base_raises_the_frequency_as_two_bodies_do() -> None:
+def test_a_free_base_raises_the_frequency_as_in_a_two_body_oscillator() -> None:
     light, load = 0.04, 20.0
     base = Base(kind="free", mass=30.0, inertia=(50.0, 50.0, 50.0))
     fixed = frequencies(pole(payload=load, mass=light).with_effects(bends("rod", period=0.5)))[0]
@@ -151,7 +151,7 @@ def arm(**changes: object) -> Robot:
     return Robot.model_validate({**given, **changes})
 
 
-def test_no_period_is_no_change_at_all() -> None:
+def test_zero_period_leaves_the_robot_unchanged() -> None:
     without = simulate(arm(), sensors=False)
     absent = simulate(arm().with_effects(bends("rod", period=0.0)), sensors=False)
     assert set(absent.channels) == set(without.channels)
@@ -159,7 +159,7 @@ def test_no_period_is_no_change_at_all() -> None:
         np.testing.assert_array_equal(absent[name], without[name])
 
 
-def test_a_stiff_link_comes_to_the_rigid_one_as_the_square_of_its_period() -> None:
+def test_a_stiff_link_converges_quadratically_in_its_period_to_the_rigid_one() -> None:
     rigid = simulate(arm(), sensors=False, rtol=1e-11, atol=1e-13)
 
     def gap(period: float) -> float:
@@ -167,7 +167,7 @@ def test_a_stiff_link_comes_to_the_rigid_one_as_the_square_of_its_period() -> No
         bent = simulate(arm().with_effects(use), sensors=False, rtol=1e-11, atol=1e-13)
         return float(np.abs(bent["shoulder.position"] - rigid["shoulder.position"]).max())
 
-    # Compliance is the period's square; the transient at the start dies within some periods.
+    # Compliance is the period's square; the initial transient decays within some periods.
     ratio = gap(0.04) / gap(0.02)
     assert ratio == pytest.approx(4.0, rel=0.1)
 
@@ -182,7 +182,7 @@ def test_momentum_energy_and_work_with_a_bending_link() -> None:
         np.testing.assert_allclose(np.ptp(recording[f"robot.linear_momentum.{axis}"]), 0.0, atol=1e-9)
 
 
-def test_the_controller_believes_in_the_rigid_link() -> None:
+def test_the_controller_model_keeps_the_rigid_link() -> None:
     """Computed torque of the nominal robot: its torque at the start is the rigid link's."""
     robot = load_robot("two_link_arm")
     plain = simulate(robot, sensors=False)
@@ -201,11 +201,11 @@ def test_the_controller_believes_in_the_rigid_link() -> None:
         (load_robot("single_axis"), bends("carriage", period=0.1), "has no length"),
         (pole(payload=1.0), bends("load", period=0.1), "has no length"),
         (load_robot("two_link_arm"), damped("link1", 0.1), "is rigid and has no modes"),
-        (load_robot("flexible_space_robot"), damped("link2", -0.2), "no structure gives out energy"),
+        (load_robot("flexible_space_robot"), damped("link2", -0.2), "no structure generates energy"),
         (load_robot("two_link_arm"), bends("base", period=0.1), "it can sit at link1, link2"),
     ],
 )
-def test_what_cannot_be_is_refused_with_a_sentence(robot: Robot, use: EffectUse, sentence: str) -> None:
+def test_impossible_links_are_refused_with_a_message(robot: Robot, use: EffectUse, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as caught:
         simulate(robot.with_effects(use))
     assert f"effect '{use.effect}' at '{use.at}'" in str(caught.value)
@@ -213,7 +213,7 @@ def test_what_cannot_be_is_refused_with_a_sentence(robot: Robot, use: EffectUse,
 
 
 @pytest.mark.parametrize("ratio", [0.02, -0.003])
-def test_damping_changes_the_decrement_and_nothing_else(ratio: float) -> None:
+def test_damping_changes_only_the_decrement(ratio: float) -> None:
     """Ring-down of a welded mast: the amplitude falls by exp(-zeta w t)."""
     mast = pole(payload=5.0).model_copy(update={"gravity": (0.1, 0.0, 0.0)})
     mast = mast.model_copy(update={"reference": Reference(duration=6.0, sample_rate=200.0)})

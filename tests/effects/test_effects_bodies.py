@@ -58,12 +58,12 @@ def test_linear_parameters_act_linearly(effect: BodyEffect, data: st.DataObject)
 
 
 @pytest.mark.parametrize("effect", BODY, ids=named)
-def test_an_absent_change_is_none(effect: BodyEffect) -> None:
+def test_absent_parameters_add_nothing(effect: BodyEffect) -> None:
     absent = typical(effect, **{p.name: p.absent for p in effect.parameters if p.absent is not None})
     assert np.all(_values(effect.terms(absent)) == 0)
 
 
-def test_inertia_is_symmetric_and_in_its_places() -> None:
+def test_the_inertia_tensor_is_symmetric_with_entries_in_order() -> None:
     effect = _body("inertia")
     values = {p.name: float(k) for k, p in enumerate(effect.parameters, start=1)}
     numbers = _values(effect.terms(values))
@@ -73,6 +73,6 @@ def test_inertia_is_symmetric_and_in_its_places() -> None:
     assert np.all(numbers[13:] == 0)
 
 
-def test_gravity_is_added_as_it_is() -> None:
+def test_gravity_is_added_unchanged() -> None:
     numbers = _values(_body("gravity").terms({"x": 1.0, "y": 2.0, "z": 3.0}))
     assert list(numbers) == [0.0] * 13 + [1.0, 2.0, 3.0]

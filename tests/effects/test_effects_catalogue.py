@@ -52,7 +52,7 @@ def test_every_place_has_its_effects() -> None:
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=named)
-def test_what_is_said_of_an_effect_is_complete(effect: Effect) -> None:
+def test_every_effect_has_complete_metadata(effect: Effect) -> None:
     for text in (effect.title, effect.equation, effect.source, effect.signature, effect.experiment):
         assert text.strip() == text != ""
         assert not text.endswith(".")  # the page puts the full stop
@@ -141,7 +141,7 @@ def test_starts_are_few_and_inside_the_bounds(effect: Effect, extent: Extent) ->
         assert parameter.lower <= lower < upper <= parameter.upper
 
 
-def test_order_starts_prefer_the_residuals_peaks_and_drop_repetitions() -> None:
+def test_order_starts_prefer_residual_peaks_and_drop_duplicates() -> None:
     orders = [s["order"] for s in get_effect("torque_ripple").starts(EXTENTS[0])]
     # 101 and 100.9 and the gear ratio are one cycle pattern over a travel of 1 rad; joint turns (1, 2) do
     # not run through a cycle there.
@@ -225,7 +225,7 @@ BELOW_SLIDING = (
             EffectUse(effect="end_stop", at="joint1", stiffness=1.0, position=1.0, side=0.5),
             r"side = 0\.5 is neither 1 \(upwards\) nor -1 \(downwards\)",
         ),
-        (EffectUse(effect="link_flexibility", at="link1", period=0.1, modes=1.5), "modes = 1.5 is no whole"),
+        (EffectUse(effect="link_flexibility", at="link1", period=0.1, modes=1.5), "modes = 1.5 is not"),
         (
             EffectUse(effect="contact", at="link1", stiffness=1.0, offset=0.0, normal_z=0.0),
             "the normal has zero length",
@@ -245,7 +245,7 @@ BOUNDED = [(effect, parameter) for effect in EFFECTS for parameter in effect.par
 
 @pytest.mark.parametrize(("effect", "parameter"), BOUNDED)
 @pytest.mark.parametrize("below", [True, False])
-def test_a_parameter_out_of_its_bounds_is_refused_with_its_value(
+def test_a_parameter_out_of_bounds_is_refused_with_its_value(
     effect: Effect, parameter: Parameter, below: bool
 ) -> None:
     """One by one, all others being typical: negative stiffness, no Stribeck velocity, a share above one."""
@@ -254,11 +254,11 @@ def test_a_parameter_out_of_its_bounds_is_refused_with_its_value(
     use = EffectUse(effect=effect.id, at=PLACES.get(effect.place, "joint1"), **values)
     with pytest.raises(InputError) as caught:
         used_effects(_robot(use))
-    said = f"{parameter.name} = {wrong:g} {parameter.unit} is outside {parameter.lower:g} to"
-    assert said in str(caught.value)
+    message = f"{parameter.name} = {wrong:g} {parameter.unit} is outside {parameter.lower:g} to"
+    assert message in str(caught.value)
 
 
-def test_defaults_fill_what_a_robot_file_leaves_out() -> None:
+def test_defaults_fill_omitted_parameters() -> None:
     (used,) = used_effects(
         _robot(EffectUse(effect="external_torque", at="joint2", torque=1.0, start=1.0, duration=2.0))
     )

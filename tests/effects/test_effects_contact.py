@@ -55,7 +55,7 @@ def rebound(**parameters: float) -> Recording:
     return simulate(puck().with_effects(contact("puck", **parameters)), sensors=False, work=True, **PRECISE)
 
 
-def test_hertz_gives_depth_duration_and_the_whole_speed_back() -> None:
+def test_an_elastic_impact_has_hertz_depth_and_duration_and_full_rebound_speed() -> None:
     recording = rebound()
     depth = -recording["slide.position"]
     deepest = (5 * MASS * SPEED**2 / (4 * STIFFNESS)) ** 0.4  # from 2/5 K d^2.5 = 1/2 m v^2
@@ -68,7 +68,7 @@ def test_hertz_gives_depth_duration_and_the_whole_speed_back() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.05, 0.5, 3.0])
-def test_restitution_is_that_of_hunt_and_crossley(damping: float) -> None:
+def test_restitution_follows_hunt_and_crossley(damping: float) -> None:
     """m u du = -K d^1.5 (1 + c u) dd: u - ln(1 + u) is the same at both ends, u = c times the speed."""
     recording = rebound(damping=damping)
     u = damping * SPEED
@@ -108,7 +108,7 @@ def flyer(**changes: object) -> Robot:
 WALL = {"x": 1.0, "normal_y": -1.0, "normal_z": 0.0, "offset": -0.2, "stiffness": 1e5, "damping": 0.3}
 
 
-def test_a_wall_makes_a_step_of_momentum_along_its_normal() -> None:
+def test_contact_changes_momentum_along_the_wall_normal_only() -> None:
     recording = simulate(flyer().with_effects(contact("arm", **WALL)), sensors=False, work=True, **PRECISE)
     momentum = np.column_stack([recording[f"robot.linear_momentum.{axis}"] for axis in "xyz"])
     step = momentum[-1] - momentum[0]
@@ -123,7 +123,7 @@ def test_a_wall_makes_a_step_of_momentum_along_its_normal() -> None:
         np.testing.assert_allclose(recording[name][before], plain[name][before], rtol=0, atol=1e-9)
 
 
-def test_the_tip_of_a_flexible_link_touches_where_it_is() -> None:
+def test_contact_uses_the_deflected_tip_of_a_flexible_link() -> None:
     beam = Beam(
         length=1.0,
         section=Tube(outer_diameter=0.02, inner_diameter=0.016),
@@ -144,13 +144,13 @@ def test_the_tip_of_a_flexible_link_touches_where_it_is() -> None:
     assert np.abs(recording["arm.tip_deflection.y"]).max() > 1e-3
 
 
-def test_no_stiffness_is_no_change_at_all() -> None:
+def test_zero_stiffness_leaves_the_robot_unchanged() -> None:
     without = simulate(flyer(), sensors=False)
     absent = simulate(flyer().with_effects(contact("arm", **{**WALL, "stiffness": 0.0})), sensors=False)
     for name in without.channels:
         np.testing.assert_array_equal(absent[name], without[name])
 
 
-def test_a_wall_needs_a_direction() -> None:
+def test_a_wall_with_a_zero_normal_is_refused() -> None:
     with pytest.raises(InputError, match="the normal has zero length"):
         simulate(puck().with_effects(contact("puck", normal_z=0.0)))

@@ -92,13 +92,13 @@ def test_known_values(
     assert at_point(_joint(effect_id), parameters, **signals) == pytest.approx(expected, rel=EXACT, abs=EXACT)
 
 
-def test_saturation_takes_little_off_at_the_corner() -> None:
+def test_saturation_reduces_the_torque_little_at_the_corner() -> None:
     at_corner = at_point(_joint("torque_saturation"), {"limit": 20.0}, torque=20.0)
     assert at_corner == pytest.approx(-20 * 0.005 * math.log(2))
     assert at_point(_joint("torque_saturation"), {"limit": 1e-3}, torque=1e5) == pytest.approx(1e-3 - 1e5)
 
 
-def test_without_bearing_geometry_only_the_gears_share_acts() -> None:
+def test_without_bearing_geometry_only_gear_friction_remains() -> None:
     along = EffectAlong(_joint("load_dependent_friction"), bearing_arms=(0.0, 0.0))
     signals = motion()
     both = along.torque(signals, {"coefficient": 0.3, "gear_share": 0.1})
@@ -112,7 +112,7 @@ def test_without_bearing_geometry_only_the_gears_share_acts() -> None:
 )
 @settings(max_examples=60)
 @given(data=st.data())
-def test_friction_never_drives(effect_id: str, data: st.DataObject) -> None:
+def test_friction_is_dissipative(effect_id: str, data: st.DataObject) -> None:
     effect = _joint(effect_id)
     parameters = {
         p.name: data.draw(st.floats(max(p.lower, 1e-3), min(p.upper, 100.0))) for p in effect.parameters
@@ -138,7 +138,7 @@ def test_friction_never_drives(effect_id: str, data: st.DataObject) -> None:
     transitions=st.floats(-2, 2),
     transition=st.floats(1e-5, 1.0),
 )
-def test_an_asymmetric_friction_below_the_symmetric_one_never_drives(
+def test_asymmetric_friction_below_the_symmetric_one_is_dissipative(
     level: float, share: float, transitions: float, transition: float
 ) -> None:
     velocity = transitions * transition  # where the smoothed signs are between -1 and 1
@@ -188,7 +188,7 @@ def test_linear_parameters_act_linearly(effect: JointEffect, data: st.DataObject
 
 
 @pytest.mark.parametrize("effect", JOINT, ids=named)
-def test_the_flags_say_what_an_effect_depends_on(effect: JointEffect) -> None:
+def test_flags_match_the_dependencies_of_the_formulas(effect: JointEffect) -> None:
     along = EffectAlong(effect, gear_ratio=100.0, bearing_arms=ARMS)
     signals = motion()
     changed = signals.copy()

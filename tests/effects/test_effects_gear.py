@@ -1,4 +1,4 @@
-"""What the effects in a gear say, on their own: energy, loss, play, loops."""
+"""Gear effects in isolation: energy, loss, play, loops."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_power_is_stored_or_lost(effect: GearEffect, d: float, v: float, z: floa
 
 @pytest.mark.parametrize("effect", GEAR, ids=named)
 @given(d=TWISTS)
-def test_at_rest_a_gear_pushes_back_and_stores(effect: GearEffect, d: float) -> None:
+def test_at_rest_a_gear_has_a_restoring_torque_and_stores_energy(effect: GearEffect, d: float) -> None:
     elastic, viscous, stored, loss, _ = LAWS[effect.id](d, 0.0)
     assert elastic * d >= 0
     assert stored >= 0
@@ -67,7 +67,7 @@ def test_at_rest_a_gear_pushes_back_and_stores(effect: GearEffect, d: float) -> 
 
 
 @pytest.mark.parametrize("effect", GEAR, ids=named)
-def test_without_its_own_part_only_the_spring_is_left(effect: GearEffect) -> None:
+def test_without_the_effect_only_the_spring_remains(effect: GearEffect) -> None:
     absent = {p.name: p.absent for p in effect.parameters if p.absent is not None and p.name != "damping"}
     law = Law(effect, {**values_of(effect), **absent})
     for d in (-1e-3, 2e-4):
@@ -77,7 +77,7 @@ def test_without_its_own_part_only_the_spring_is_left(effect: GearEffect) -> Non
 
 
 @given(d=st.floats(-5e-4, 5e-4), v=RATES)
-def test_within_the_play_nothing_is_transmitted(d: float, v: float) -> None:
+def test_no_torque_is_transmitted_within_the_play(d: float, v: float) -> None:
     elastic, viscous, stored, *_ = Law(get_effect("backlash"), {**values_of(get_effect("backlash"))})(d, v)
     assert elastic == viscous == stored == 0.0
 
@@ -96,7 +96,7 @@ def around(law: Law, effect: GearHysteresis, p: dict[str, float], amplitude: flo
 
 
 @pytest.mark.parametrize("amplitude", quick_places([5e-5, 3e-4, 2e-3], 1))
-def test_the_area_of_the_loop_is_the_closed_form(amplitude: float) -> None:
+def test_the_area_of_the_hysteresis_loop_matches_the_closed_form(amplitude: float) -> None:
     effect = GearHysteresis()
     p = values_of(effect)
     travel = p["travel"]

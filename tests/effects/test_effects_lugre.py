@@ -1,4 +1,4 @@
-"""LuGre friction against what is known of it in closed form."""
+"""LuGre friction against closed forms."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_break_away_at_constant_speed_follows_the_exponential() -> None:
     z = level / s0 * (1 - np.exp(-s0 * velocity * time / level))
     damping = 20.0 / (1 + 20.0 * velocity / (4 * level))
     expected = -(s0 * z + damping * (velocity - s0 * velocity * z / level))
-    # The step is exact at constant speed, up to the instant in which the motion begins.
+    # The step is exact at constant speed, up to the start of the motion.
     np.testing.assert_allclose(torque[1:], expected[1:], rtol=0, atol=1e-8)
 
 
@@ -88,7 +88,7 @@ def test_dahl_loops_do_not_depend_on_the_rate() -> None:
 
 
 @pytest.mark.parametrize("bristle_damping", [0.0, 20.0, 1e4])
-def test_friction_gives_out_no_more_than_the_bristles_store(bristle_damping: float) -> None:
+def test_friction_returns_no_more_energy_than_the_bristles_store(bristle_damping: float) -> None:
     # 1e4 N m s/rad is far above the limit 4 g / |v| of a constant damping.
     signals = motion(samples=40000, duration=2.0)
     friction = {**FRICTION, "bristle_damping": bristle_damping}
@@ -128,7 +128,9 @@ def _reference(signals: Array, parameters: dict[str, float]) -> Array:
 @pytest.mark.parametrize(
     ("stiffness", "damping"), quick_places([(1e3, 5.0), (1e5, 50.0), (1e7, 100.0)], 0, 1)
 )
-def test_along_agrees_with_an_independent_integrator(stiffness: float, damping: float) -> None:
+def test_evaluation_along_a_motion_agrees_with_an_independent_integrator(
+    stiffness: float, damping: float
+) -> None:
     signals = motion(samples=250, duration=1.0)
     parameters = {**FRICTION, "bristle_stiffness": stiffness, "bristle_damping": damping}
     torque = _along().torque(signals, parameters)
@@ -136,7 +138,7 @@ def test_along_agrees_with_an_independent_integrator(stiffness: float, damping: 
     np.testing.assert_allclose(torque, _reference(signals, parameters), rtol=0, atol=7.0 * 1e-3)
 
 
-def test_it_tends_to_stribeck_friction_as_bristles_get_stiff() -> None:
+def test_it_converges_to_stribeck_friction_with_stiff_bristles() -> None:
     signals = motion(samples=2000)
     stribeck = get_effect("stribeck_friction")
     assert isinstance(stribeck, JointEffect)

@@ -1,4 +1,4 @@
-"""LuGre and Stribeck friction whose level follows the bearing load, against the law of surfaces."""
+"""LuGre and Stribeck friction with load-dependent level, against the law in surface coordinates."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def moment(t: float | Array) -> Array:
     return np.asarray(30 + 20 * np.cos(7 * np.asarray(t)))
 
 
-def test_in_joint_units_it_is_the_law_of_the_surfaces() -> None:
+def test_in_joint_units_it_equals_the_law_in_surface_coordinates() -> None:
     """T = -W (s0 zeta + s1 zetad + s2 v), zetad = v - s0 |v| zeta / mu g, v = R qd (Liu et al. 2015)."""
     time = np.linspace(0, 1, 4001)
 
@@ -118,7 +118,7 @@ def _names(effect_id: str) -> set[str]:
     return {p.name for p in get_effect(effect_id).parameters}
 
 
-def test_a_load_that_vanishes_and_comes_back_leaves_no_trace() -> None:
+def test_a_vanishing_load_does_not_change_the_bristle_state() -> None:
     """The sliding deflection does not depend on the load, so friction follows the load at once."""
     time = np.linspace(0, 2, 4000)
     load = 20 * np.clip(np.abs(time - 1) - 0.2, 0, None)
@@ -131,7 +131,7 @@ def test_a_load_that_vanishes_and_comes_back_leaves_no_trace() -> None:
     assert np.all(np.abs(found[load == 0]) < 1e-5)
 
 
-def test_the_load_parts_are_not_estimated() -> None:
+def test_load_dependent_parameters_are_not_estimated() -> None:
     for effect_id, count in (("lugre_friction", 5), ("stribeck_friction", 3)):
         effect = get_effect(effect_id)
         assert len(effect.estimated) == count
@@ -139,7 +139,7 @@ def test_the_load_parts_are_not_estimated() -> None:
 
 
 @pytest.mark.parametrize("limit", [0.0, 1.0])
-def test_no_energy_comes_out_of_a_cycle(limit: float) -> None:
+def test_a_cycle_never_generates_energy(limit: float) -> None:
     """Over whole cycles of speed and load, damping far above the bound of a constant one."""
     rate = 10.0
     time = np.linspace(0, 6 / rate, 60001)

@@ -1,4 +1,4 @@
-"""The catalogue as people see it: the page in the documents, and the command."""
+"""The user's view of the catalogue: the documentation page and the command."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_every_effect_has_its_section() -> None:
         assert f'<a id="{effect_id}"></a>' in catalogue_page()
 
 
-def test_every_effect_has_a_small_picture_on_the_page_and_no_other_is_there() -> None:
+def test_every_effect_has_one_small_picture_and_there_are_no_others() -> None:
     pictures = {path.stem: path for path in PICTURES.iterdir()}
     assert set(pictures) == set(CASES) == set(catalogue())
     for name, path in pictures.items():
@@ -63,13 +63,13 @@ def test_an_installed_package_has_the_pictures() -> None:
 
 
 @pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.id)
-def test_every_effect_has_a_source_that_can_be_looked_up(effect: Effect) -> None:
+def test_every_effect_cites_a_source(effect: Effect) -> None:
     assert re.search(r"\b(19|20)\d\d\b", effect.source)
     assert re.match(r"[A-Z]", effect.source), "a name comes first"
     assert not re.search(r"elementary|makers' notes|reported", effect.source)
 
 
-def test_the_page_says_which_effects_a_diagnosis_does_not_search_for() -> None:
+def test_the_page_lists_effects_that_a_diagnosis_does_not_search_for() -> None:
     every = catalogue().values()
     others = [effect for effect in every if not effect.is_searched and not effect.turns_base]
     assert catalogue_page().count(f"- In a diagnosis: {NOT_SEARCHED}.\n") == len(others) > 0
@@ -102,7 +102,7 @@ def test_the_command_shows_one_effect(effect_id: str) -> None:
         assert parameter.unit in result.stdout
 
 
-def test_the_command_speaks_json() -> None:
+def test_the_command_prints_json() -> None:
     every = json.loads(CliRunner().invoke(_app(), ["effects", "--json"]).stdout)
     assert [item["id"] for item in every] == list(catalogue())
     one = json.loads(CliRunner().invoke(_app(), ["effects", "lugre_friction", "--json"]).stdout)

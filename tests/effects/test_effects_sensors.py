@@ -1,4 +1,4 @@
-"""Sensor effects: what a faulty sensor says, and its first-order error."""
+"""Sensor effects: readings of a faulty sensor, and its first-order error."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def test_the_error_is_the_fault_to_first_order(effect: SensorEffect) -> None:
     for part in (1.0, 0.5):
         parameters = typical(effect, **{p.name: part * 4e-3 for p in linear})
         predicted = SensorAlong(effect).error(TIME, VALUE, RATE, parameters)
-        said = effect.apply(TIME, VALUE, parameters) - VALUE
-        misses.append(np.max(np.abs(said - predicted)[inner]))
+        measured = effect.apply(TIME, VALUE, parameters) - VALUE
+        misses.append(np.max(np.abs(measured - predicted)[inner]))
         assert np.max(np.abs(predicted)) > 1e-4
     # What is left is of second order: half the fault leaves a quarter. The interpolation between samples
     # 0.5 ms apart errs by up to 1e-6.
@@ -65,44 +65,46 @@ def test_offset_and_gain() -> None:
     np.testing.assert_allclose(_sensor("sensor_gain").apply(TIME, VALUE, {"gain_error": 0.2}), 1.2 * VALUE)
 
 
-def test_a_delayed_channel_says_what_was_true_before() -> None:
-    said = _sensor("sensor_delay").apply(TIME, VALUE, {"delay": 0.0123})
+def test_a_delayed_channel_reports_earlier_values() -> None:
+    measured = _sensor("sensor_delay").apply(TIME, VALUE, {"delay": 0.0123})
     before = TIME - 0.0123
     expected = np.sin(3.0 * before) + 0.3 * np.cos(7.0 * before)
     # Monotone cubic interpolation of samples h = 0.5 ms apart, second order at extremes: h^2 f''/8 = 6e-7.
-    np.testing.assert_allclose(said[25:], expected[25:], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(measured[25:], expected[25:], rtol=0, atol=1e-6)
     # Before the first sample the first one is held.
-    np.testing.assert_array_equal(said[:24], VALUE[0])
+    np.testing.assert_array_equal(measured[:24], VALUE[0])
 
 
 def test_a_delay_of_whole_samples_is_a_shift() -> None:
-    said = _sensor("sensor_delay").apply(TIME, VALUE, {"delay": 10 * 5e-4})
-    np.testing.assert_allclose(said[10:], VALUE[:-10], rtol=0, atol=1e-12)
+    measured = _sensor("sensor_delay").apply(TIME, VALUE, {"delay": 10 * 5e-4})
+    np.testing.assert_allclose(measured[10:], VALUE[:-10], rtol=0, atol=1e-12)
 
 
 def test_a_jump_is_delayed_without_ringing() -> None:
     square = np.sign(np.sin(5 * TIME))
-    said = _sensor("sensor_delay").apply(TIME, square, {"delay": 1.3e-3})
-    assert np.max(np.abs(said)) <= 1.0
+    measured = _sensor("sensor_delay").apply(TIME, square, {"delay": 1.3e-3})
+    assert np.max(np.abs(measured)) <= 1.0
 
 
-def test_a_drifting_clock_runs_ahead_more_and_more() -> None:
-    said = _sensor("clock_drift").apply(TIME, 2.0 * TIME, {"rate": 1e-3})
-    np.testing.assert_allclose(said[:-10], 2.0 * (1 + 1e-3) * TIME[:-10], rtol=0, atol=1e-12)
+def test_clock_drift_accumulates_over_time() -> None:
+    measured = _sensor("clock_drift").apply(TIME, 2.0 * TIME, {"rate": 1e-3})
+    np.testing.assert_allclose(measured[:-10], 2.0 * (1 + 1e-3) * TIME[:-10], rtol=0, atol=1e-12)
 
 
 def test_missing_samples_do_not_spread() -> None:
     holed = VALUE.copy()
     holed[100:120] = np.nan
-    said = _sensor("sensor_delay").apply(TIME, holed, {"delay": 2e-3})
-    assert np.all(np.isfinite(said))
+    measured = _sensor("sensor_delay").apply(TIME, holed, {"delay": 2e-3})
+    assert np.all(np.isfinite(measured))
     nothing = np.full(5, np.nan)
     assert np.all(np.isnan(_sensor("sensor_delay").apply(TIME[:5], nothing, {"delay": 1e-3})))
 
 
-def test_an_eccentric_disc_errs_once_per_turn() -> None:
+def test_an_eccentric_disc_has_a_once_per_turn_error() -> None:
     angle = np.linspace(0, 2 * np.pi, 721)
-    said = _sensor("encoder_eccentricity").apply(angle, angle, {"cosine": 3e-3, "sine": 4e-3, "order": 1.0})
-    error = said - angle
+    measured = _sensor("encoder_eccentricity").apply(
+        angle, angle, {"cosine": 3e-3, "sine": 4e-3, "order": 1.0}
+    )
+    error = measured - angle
     assert np.max(error) == pytest.approx(5e-3, rel=1e-4)
     assert error[0] == pytest.approx(error[-1], abs=1e-15)

@@ -1,4 +1,4 @@
-"""Slosh: frequencies of closed form, momentum, and the same liquid as a mass on three sprung slides."""
+"""Slosh: analytic frequencies, momentum, and the same liquid as a mass on three sprung slides."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def slosh(**parameters: float) -> EffectUse:
 
 
 def craft(**changes: object) -> Robot:
-    """A free base with a driven arm that swings back to where it is told to be."""
+    """A free base with a driven arm that swings back to its reference."""
     given = {
         "name": "craft",
         "base": Base(
@@ -68,7 +68,7 @@ def test_the_base_keeps_its_mass_properties() -> None:
 
 
 @pytest.mark.parametrize("kind", ["fixed", "free"])
-def test_the_frequency_is_that_of_two_bodies(kind: str) -> None:
+def test_the_frequency_is_that_of_a_two_body_oscillator(kind: str) -> None:
     """Held, f; with a base that floats f sqrt(M / (M - m)), the liquid at the centre of mass."""
     base = Base(kind=kind, mass=40.0, inertia=(5.0, 6.0, 7.0))
     robot = craft(base=base, links=(), joints=(), controller={"kind": "none"})
@@ -121,7 +121,7 @@ def agree(one: Recording, other: Recording, atol: float) -> None:
             np.testing.assert_allclose(one[channel], other[channel], rtol=0, atol=atol, err_msg=channel)
 
 
-def test_it_is_a_mass_on_three_sprung_slides() -> None:
+def test_it_equals_a_mass_on_three_sprung_slides() -> None:
     effect = simulate(craft().with_effects(slosh()), sensors=False, **PRECISE)
     slides = simulate(on_slides(craft()), sensors=False, **PRECISE)
     agree(effect, slides, 1e-8)
@@ -141,7 +141,7 @@ def test_momentum_energy_and_work() -> None:
             assert np.ptp(recording[f"robot.{what}_momentum.{axis}"]) < 1e-9
 
 
-def test_no_mass_is_no_change_at_all() -> None:
+def test_zero_mass_leaves_the_robot_unchanged() -> None:
     without = simulate(craft(), sensors=False)
     absent = simulate(craft().with_effects(slosh(mass=0.0)), sensors=False)
     assert set(absent.channels) == set(without.channels)
@@ -155,10 +155,10 @@ def test_two_tanks_and_a_link_of_that_name() -> None:
 
 
 def test_more_liquid_than_base_is_refused() -> None:
-    with pytest.raises(InputError, match=r"the base \(40 kg\) has no 50 kg at"):
+    with pytest.raises(InputError, match=r"the base \(40 kg\) cannot lose 50 kg at"):
         simulate(craft().with_effects(slosh(mass=50.0)))
 
 
-def test_what_its_user_measures_holds_no_channel_of_the_liquid() -> None:
-    """A robot without sensors is measured on every channel that its description knows of."""
+def test_the_recording_has_no_channel_of_the_liquid() -> None:
+    """A robot without sensors records every channel of its description."""
     assert not [c for c in simulate(craft().with_effects(slosh())).channels if c.startswith("slosh")]

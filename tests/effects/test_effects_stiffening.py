@@ -58,7 +58,7 @@ def test_the_square_of_the_frequency_rises_by_southwells_slope(strength: float) 
     assert (without**2 - still**2) / speed**2 == pytest.approx(0.0, abs=0.01)
 
 
-def test_at_full_strength_it_is_the_described_beam() -> None:
+def test_at_strength_one_it_equals_a_stiffening_beam() -> None:
     effect = simulate(rotor(5.0, gravity=1.0).with_effects(stiffening(1.0)), sensors=False)
     described = simulate(rotor(5.0, gravity=1.0, stiff=True), sensors=False)
     for name in described.channels:
@@ -80,7 +80,7 @@ def test_half_the_strength_conserves_energy() -> None:
     np.testing.assert_allclose(balance / balance[0], 1.0, rtol=0, atol=1e-10)
 
 
-def test_a_link_that_is_said_to_bend_can_stiffen_whatever_the_order() -> None:
+def test_link_flexibility_and_stiffening_combine_in_any_order() -> None:
     bends = EffectUse.model_validate({"effect": "link_flexibility", "at": "link2", "period": 0.2})
     robot = load_robot("two_link_arm").with_effects(stiffening(1.0, "link2"), bends)
     body = truth_of(robot).tree.bodies[2].flexible
@@ -91,10 +91,10 @@ def test_a_link_that_is_said_to_bend_can_stiffen_whatever_the_order() -> None:
 @pytest.mark.parametrize(
     ("robot", "use", "sentence"),
     [
-        (load_robot("two_link_arm"), stiffening(1.0, "link2"), "is no beam"),
-        (rotor(1.0, stiff=True), stiffening(1.0), "stiffening already"),
+        (load_robot("two_link_arm"), stiffening(1.0, "link2"), "is not a beam"),
+        (rotor(1.0, stiff=True), stiffening(1.0), "already has stiffening"),
     ],
 )
-def test_what_cannot_stiffen_is_refused(robot: Robot, use: EffectUse, sentence: str) -> None:
+def test_links_that_cannot_stiffen_are_refused(robot: Robot, use: EffectUse, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         simulate(robot.with_effects(use))

@@ -1,4 +1,4 @@
-"""Reaction wheels on the base against Euler's equations, and against a real rotor on a joint."""
+"""Reaction wheels on the base against Euler's equations, and against an explicit rotor on a joint."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_body_at_rest_stays_and_carries_the_wheels_momentum() -> None:
     )
 
 
-def test_a_motor_turns_the_base_the_other_way() -> None:
+def test_motor_torque_turns_the_base_in_the_opposite_direction() -> None:
     robot = satellite().model_copy(
         update={"joints": (Joint(name="axle", kind="fixed", parent="base", child="disc"),)}
     )
@@ -57,7 +57,7 @@ def test_a_motor_turns_the_base_the_other_way() -> None:
     assert np.abs(columns(recording, "robot.angular_momentum")).max() < 1e-9
 
 
-def test_an_unpowered_wheel_slows_down_and_gives_its_momentum_to_the_base() -> None:
+def test_an_unpowered_wheel_decays_and_transfers_its_momentum_to_the_base() -> None:
     robot = satellite().model_copy(
         update={"joints": (Joint(name="axle", kind="fixed", parent="base", child="disc"),)}
     )
@@ -67,7 +67,7 @@ def test_an_unpowered_wheel_slows_down_and_gives_its_momentum_to_the_base() -> N
     np.testing.assert_allclose(recording["base.angular_velocity.y"], expected, rtol=0, atol=1e-9)
 
 
-def test_a_wheel_makes_a_turning_body_precess_at_the_known_rate() -> None:
+def test_a_wheel_makes_a_rotating_body_precess_at_the_analytic_rate() -> None:
     """J wd = -w x h of a body with J times the unit matrix: its rate turns about h at |h| / J."""
     ball = Robot(
         name="ball",
@@ -93,7 +93,7 @@ def test_a_wheel_makes_a_turning_body_precess_at_the_known_rate() -> None:
 
 
 @pytest.mark.parametrize("inertia", [0.05, 0.4])
-def test_the_effect_is_a_real_rotor(inertia: float) -> None:
+def test_the_effect_equals_an_explicit_rotor(inertia: float) -> None:
     """A rotor on a free axle, as bodies, moves the base as the effect does with its momentum."""
 
     def tumbler(*extra: tuple[Link, Joint]) -> Robot:
@@ -142,11 +142,11 @@ def test_an_imbalance_shakes_the_base_at_the_wheels_speed() -> None:
     np.testing.assert_allclose(recording["base.linear_acceleration.x"], expected, atol=1e-8)
 
 
-def test_no_momentum_no_change() -> None:
+def test_without_momentum_the_robot_is_unchanged() -> None:
     absent = simulate(satellite().with_effects(wheel()), sensors=False)
     without = simulate(satellite(), sensors=False)
     for name in without.channels:
-        # One more state in the error control changes the steps, and nothing else.
+        # One more state in the error control changes only the steps.
         np.testing.assert_allclose(absent[name], without[name], rtol=0, atol=1e-7, err_msg=name)
 
 
@@ -158,6 +158,6 @@ def test_work_and_energy_agree() -> None:
     assert np.ptp(recording["robot.energy"]) > 1e-3
 
 
-def test_the_catalogue_says_what_the_states_are() -> None:
+def test_the_catalogue_describes_the_states() -> None:
     effect = get_effect("reaction_wheel")
     assert getattr(effect, "states", 0) == 6

@@ -1,4 +1,4 @@
-"""What is exported moves as the robot does that was exported."""
+"""An exported robot has the same dynamics as the original."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HELD = (
 
 
 def arm(*uses: tuple[str, str, dict[str, float]], swinging: bool = True, name: str = "arm") -> Robot:
-    """The two-link arm with these effects; swinging, it is let go with a push."""
+    """The two-link arm with these effects; `swinging` means released with an initial push."""
     robot = load_robot("two_link_arm")
     effects = tuple(EffectUse(effect=effect, at=at, **values) for effect, at, values in uses)
     change: dict[str, Any] = {"effects": effects, "name": name}
@@ -66,7 +66,7 @@ def recorded(robot: Robot, seconds: float) -> tuple[np.ndarray, np.ndarray]:
     return truth.time[kept], positions[kept]
 
 
-def test_mujoco_moves_the_exported_model_as_our_engine_does() -> None:
+def test_mujoco_simulates_the_exported_model_like_our_engine() -> None:
     robot = arm(*HELD)
     times, expected = recorded(robot, 1.5)
     assert np.ptp(expected, axis=0).min() > 0.05
@@ -75,7 +75,7 @@ def test_mujoco_moves_the_exported_model_as_our_engine_does() -> None:
     assert np.abs(without - expected).max() > 0.01
 
 
-def test_dry_friction_and_a_reflected_rotor_slow_it_alike() -> None:
+def test_dry_friction_and_reflected_rotor_have_the_same_influence_in_mujoco() -> None:
     """MuJoCo's dry friction is a soft constraint, so that it agrees to some milliradians."""
     robot = arm(("coulomb_friction", "joint2", {"torque": 0.8}))
     rotor = robot.joints[0].actuator.model_copy(update={"rotor_inertia": 1e-3})  # type: ignore[union-attr]
@@ -120,7 +120,9 @@ def test_motors_have_gain_and_offset() -> None:
     ],
     ids=lambda use: use[0],
 )
-def test_code_gives_what_the_file_cannot_hold(use: tuple[str, str, dict[str, float]], tmp_path: Path) -> None:
+def test_the_python_module_computes_effects_the_file_cannot_hold(
+    use: tuple[str, str, dict[str, float]], tmp_path: Path
+) -> None:
     robot = arm(("viscous_friction", "joint1", {"coefficient": 0.8}), use)
     times, expected = recorded(robot, 1.0)
     assert [left.effect for left in content_of(robot).left] == [use[0]]
@@ -140,7 +142,7 @@ def module_of(code: str, folder: Path) -> Any:
         sys.path.remove(str(folder))
 
 
-def test_urdf_is_read_as_the_robot_it_was_made_from(tmp_path: Path) -> None:
+def test_exported_urdf_reads_as_the_original_robot(tmp_path: Path) -> None:
     robot = arm(("coulomb_friction", "joint2", {"torque": 0.4}), *HELD[2:])
     path = tmp_path / "arm.urdf"
     path.write_text(urdf_of(content_of(robot)), "utf-8")
@@ -152,7 +154,7 @@ def test_urdf_is_read_as_the_robot_it_was_made_from(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("to", ["mjcf", "urdf", "json"])
-def test_the_command_writes_the_file_and_says_what_it_lacks(
+def test_the_command_writes_the_file_and_lists_omissions(
     to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     uses = (
@@ -168,7 +170,7 @@ def test_the_command_writes_the_file_and_says_what_it_lacks(
     assert len(list(tmp_path.glob("arm*"))) == 2
 
 
-def test_what_cannot_be_exported_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unsupported_robots_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="link 'link2' bends"):
         content_of(load_robot("flexible_space_robot"))
     with pytest.raises(InputError, match="mass of -"):
@@ -198,7 +200,7 @@ def test_motors_of_a_transmission_are_tendons_in_mujoco() -> None:
     np.testing.assert_allclose(swung(robot, times), expected, atol=1e-5)
 
 
-def test_what_tendons_cannot_hold_acts_on_the_joints_as_python(tmp_path: Path) -> None:
+def test_effects_tendons_cannot_hold_become_python_code(tmp_path: Path) -> None:
     robot = coupled(("torque_ripple", "two", {"cosine": 1.5, "sine": 0.5, "order": 3.0}))
     times, expected = recorded(robot, 1.0)
     passive = module_of(code_of(content_of(robot)), tmp_path).passive
@@ -207,14 +209,14 @@ def test_what_tendons_cannot_hold_acts_on_the_joints_as_python(tmp_path: Path) -
     assert np.abs(swung(coupled(), times) - expected).max() > 0.01
 
 
-def test_urdf_lists_what_it_cannot_say_of_a_transmission() -> None:
+def test_urdf_lists_omissions_of_a_transmission() -> None:
     content = content_of(coupled(("viscous_friction", "one", {"coefficient": 0.3})))
-    told = list(unsaid(content))
-    assert "the transmission bevels, so that its joints are driven one by one there" in told
-    assert "damping of one: 0.3" in told
+    notes = list(unsaid(content))
+    assert "the transmission bevels, so that its joints are driven one by one there" in notes
+    assert "damping of one: 0.3" in notes
 
 
-def test_tendons_are_read_as_the_transmission_they_were_made_from(tmp_path: Path) -> None:
+def test_exported_tendons_read_as_the_original_transmission(tmp_path: Path) -> None:
     robot = coupled(
         ("viscous_friction", "one", {"coefficient": 0.3}),
         ("cable_spring", "two", {"stiffness": 2.0, "torque_at_zero": -0.7}),

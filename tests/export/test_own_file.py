@@ -1,4 +1,4 @@
-"""The user's own file with what was found: only the numbers differ, and MuJoCo moves as our engine does."""
+"""The user's own file with the findings: only numbers differ, and MuJoCo agrees with our engine."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def own(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def torques(robot: Robot) -> np.ndarray:
-    """What some motion needs, friction included, shape (R, n)."""
+    """Torques required by some motion, friction included, shape (R, n)."""
     chance = np.random.default_rng(2)
     state = chance.uniform(-1.0, 1.0, (3, 20, 2))
     content = content_of(robot)
@@ -112,7 +112,7 @@ def torques(robot: Robot) -> np.ndarray:
     return needed + damping * state[1] + dry * np.sign(state[1])
 
 
-def test_read_again_the_file_is_the_robot_that_was_found(own: Path) -> None:
+def test_the_edited_file_reads_as_the_identified_robot(own: Path) -> None:
     robot = with_found(own, *FOUND)
     own.write_bytes(edited_file(content_of(robot), own).text)
     again, _ = read_robot(own)
@@ -131,14 +131,14 @@ def test_nothing_but_numbers_differs(own: Path) -> None:
     assert any("joint 'shoulder'" in words for words in edited.changed)
 
 
-def test_where_nothing_was_found_every_byte_stays(own: Path) -> None:
+def test_without_findings_every_byte_is_unchanged(own: Path) -> None:
     edited = edited_file(content_of(with_found(own, kept=True)), own)
     assert edited.text == own.read_bytes()
     assert edited.changed == ()
 
 
 @pytest.mark.parametrize("own", ["arm.xml"], indirect=True)
-def test_mujoco_moves_it_as_it_moves_the_regenerated_one(own: Path) -> None:
+def test_mujoco_simulates_edited_and_regenerated_file_alike(own: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     from missing_physics.export import mjcf_of
 
@@ -185,7 +185,7 @@ def test_any_layout_of_a_tag_is_edited(
     assert f"a > b {name}".encode() in text
 
 
-def test_the_command_writes_a_copy_beside_the_diagnosis(
+def test_the_command_writes_a_copy_next_to_the_diagnosis(
     own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "out").mkdir()
@@ -221,7 +221,7 @@ def test_another_file_is_refused(tmp_path: Path, change: Any, sentence: str) -> 
         edited_file(content, path)
 
 
-def test_neither_format_nor_file_is_a_sentence(
+def test_missing_format_and_file_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "arm.urdf"

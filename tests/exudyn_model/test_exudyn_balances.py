@@ -1,4 +1,4 @@
-"""Faults that comparing the engines showed, each with a closed form or a balance of its own."""
+"""Faults revealed by comparing the engines, each tested by a closed form or a balance."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_a_rotor_has_energy_but_no_momentum_in_space() -> None:
     assert found["robot.energy"][0] == pytest.approx(0.5 * whole * 1.5**2, rel=1e-9)
 
 
-def test_a_heavy_bent_beam_keeps_its_energy_as_it_swings() -> None:
+def test_a_heavy_bent_beam_conserves_energy_as_it_swings() -> None:
     # Gravity acts on the bent beam where it is: about an undeformed centre of mass it would do other work.
     swing = Joint(name="foot", parent="base", child="pole", axis=(0.0, 1.0, 0.0), initial_velocity=0.4)
     robot = mast(

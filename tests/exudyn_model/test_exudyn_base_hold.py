@@ -66,7 +66,7 @@ def test_the_engines_agree_in_closed_loop(name: str) -> None:
 def test_a_held_base_stays_and_needs_bodies_and_constraints() -> None:
     robot = robot_with(CONTROLLERS["held"])
     found = simulate(robot, sensors=False)
-    # The nominal model is the true one and the base begins where it is held: nothing moves it.
+    # The nominal model is the true one and the base starts where it is held: nothing moves it.
     for axis in "xyz":
         moved = found[f"base.position.{axis}"] - found[f"base.position.{axis}"][0]
         np.testing.assert_allclose(moved, 0.0, atol=1e-6)
@@ -85,7 +85,7 @@ def moving_flexible_robot(**gains: float) -> Robot:
 
 @pytest.mark.proof
 @pytest.mark.parametrize("gains", [{}, HELD], ids=["free", "held"])
-def test_full_computed_torque_of_a_flexible_robot_meets_at_second_order(gains: dict[str, float]) -> None:
+def test_full_computed_torque_of_a_flexible_robot_converges_at_second_order(gains: dict[str, float]) -> None:
     robot = moving_flexible_robot(**gains)
     theirs = reference_simulate(robot, sensors=False, **TIGHT)
     coarse, fine = (simulate(robot, sensors=False, step=h, integrator="trapezoidal") for h in (1e-3, 5e-4))
@@ -95,7 +95,7 @@ def test_full_computed_torque_of_a_flexible_robot_meets_at_second_order(gains: d
 
 
 def test_full_computed_torque_leaves_no_error_on_its_own_model() -> None:
-    """On its own model it decouples the joints, so that nothing leads them astray."""
+    """On its own model it decouples the joints, so that there is no tracking error."""
     robot = moving_flexible_robot().model_copy(update={"effects": ()})
     start = [joint.model_copy(update={"initial_velocity": 0.0}) for joint in robot.joints]
     robot = robot.model_copy(update={"joints": tuple(start)})
@@ -120,7 +120,7 @@ def test_full_computed_torque_needs_modes() -> None:
     ],
     ids=["computed torque", "gravity feed-forward"],
 )
-def test_a_controller_knows_spherical_joints(controller: ComputedTorque | JointPD) -> None:
+def test_controllers_support_spherical_joints(controller: ComputedTorque | JointPD) -> None:
     robot = free_robot(gravity=GRAVITY, reference=Reference(duration=0.06, sample_rate=100.0))
     ball = robot.joints[1].model_copy(update={"kind": "spherical", "actuator": None})
     given = {"joints": (robot.joints[0], ball), "effects": ()}

@@ -1,4 +1,4 @@
-"""Effects of links and base in both engines: trajectories that meet with the square of the step."""
+"""Effects of links and base in both engines: trajectories converge with the square of the step."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def worst(one: Recording, other: Recording) -> float:
 
 
 @pytest.mark.parametrize("case", quick_names(CASES, "flexibility", "slosh", "contact", "mount"))
-def test_the_engines_meet_with_the_square_of_the_step(case: str) -> None:
+def test_the_engines_converge_with_the_square_of_the_step(case: str) -> None:
     robot, uses = CASES[case]
     robot = robot.with_effects(*uses)
     exact = reference_simulate(robot, sensors=False, **PRECISE)
@@ -159,7 +159,7 @@ def test_the_engines_meet_with_the_square_of_the_step(case: str) -> None:
     assert gaps[0] / gaps[1] == pytest.approx(4.0, abs=1.5 if case == "contact" else 0.6)
 
 
-def test_a_real_rotor_in_exudyn_is_the_reference_models_wheel() -> None:
+def test_an_explicit_rotor_in_exudyn_equals_the_wheel_effect() -> None:
     """A body that spins on a joint in this engine, against the formula for momentum on board in the other."""
     inertia, speed = 0.3, 8.0
     base = Base(kind="free", mass=40.0, inertia=(5.0, 6.0, 7.0, 0.2, -0.1, 0.3))
@@ -182,7 +182,7 @@ def test_a_real_rotor_in_exudyn_is_the_reference_models_wheel() -> None:
 
 
 @pytest.mark.parametrize("name", ["two_link_arm", "flexible_space_robot", "six_joint_space_arm"])
-def test_both_engines_make_the_same_beam_of_a_link(name: str) -> None:
+def test_both_engines_convert_a_link_to_the_same_beam(name: str) -> None:
     robot = load_robot(name)
     for link in robot.links:
         if link.flexible:
@@ -237,7 +237,9 @@ MOUNT = effect("base_motion", "base", compliance=1e-4, mass=60.0, inertia=8.0)
         ),
     ],
 )
-def test_what_rests_or_is_welded_pushes_alike(robot: Robot, uses: tuple[EffectUse, ...]) -> None:
+def test_engines_agree_on_forces_at_fixed_and_welded_bodies(
+    robot: Robot, uses: tuple[EffectUse, ...]
+) -> None:
     moving = robot.model_copy(update={"reference": Reference(duration=0.1, sample_rate=100.0)})
     mine = simulate(moving.with_effects(*uses), sensors=False, step=5e-4)
     theirs = reference_simulate(moving.with_effects(*uses), sensors=False, **PRECISE)
@@ -261,7 +263,7 @@ def test_parameters_and_defaults_are_those_of_the_catalogue(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["link_flexibility", "slosh", "reaction_wheel", "contact", "base_motion"])
-def test_what_is_absent_changes_nothing(name: str) -> None:
+def test_absent_effects_change_nothing(name: str) -> None:
     robot, at = craft(), "base"
     known = get_effect(name).parameters
     values = {p.name: p.typical if p.default is None else p.default for p in known}
@@ -282,19 +284,19 @@ def test_what_is_absent_changes_nothing(name: str) -> None:
         (grounded(), effect("base_motion", "base", compliance=1e-4), "give mass and inertia"),
         (craft(), effect("slosh", "base", mass=80.0, frequency=1.0), "has no 80 kg"),
         (craft(), effect("modal_damping", "arm", damping_ratio=0.1), "has no modes to damp"),
-        (craft(), effect("centrifugal_stiffening", "arm", strength=1.0), "is no beam"),
+        (craft(), effect("centrifugal_stiffening", "arm", strength=1.0), "is not a beam"),
         (craft(), effect("link_flexibility", "base", period=0.1), "it can sit at arm"),
         (craft(), effect("link_flexibility", "arm", perod=0.1), "did you mean 'period'"),
         (craft(), effect("slosh", "arm", mass=1.0, frequency=1.0), "it can sit at base"),
         (craft(), effect("contact", "base", stiffness=1.0, offset=0.0), "it can sit at arm"),
     ],
 )
-def test_what_it_cannot_carry_is_refused_by_name(robot: Robot, use: EffectUse, sentence: str) -> None:
+def test_unsupported_effects_are_refused_by_name(robot: Robot, use: EffectUse, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         simulate(robot.with_effects(use))
 
 
-def test_exact_beams_stiffen_as_the_effect_says() -> None:
+def test_exact_beams_stiffen_like_the_effect() -> None:
     """A blade spinning at twice its first frequency in a weak field across it, by other elements."""
     beam = Beam(
         length=2.0,
@@ -322,7 +324,7 @@ def test_exact_beams_stiffen_as_the_effect_says() -> None:
     assert float(np.abs(found - soft).max()) > 0.5 * size
 
 
-def test_exact_beams_stiffen_wholly() -> None:
+def test_exact_beams_refuse_partial_stiffening() -> None:
     robot = load_robot("flexible_space_robot")
     with pytest.raises(InputError, match=r"stiffens wholly, not by a share of 0\.5"):
         simulate(robot.with_effects(effect("centrifugal_stiffening", "link2", strength=0.5)), flexible="beam")

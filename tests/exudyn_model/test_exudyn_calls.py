@@ -1,4 +1,4 @@
-"""What a caller sees of a run besides its recording: progress, refusals beforehand, how it diverges."""
+"""The interface of a run besides its recording: progress, early refusals, divergence."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_progress_is_reported_at_every_instant_of_the_recording(formulation: For
     assert heard == pytest.approx(found.time, abs=1e-9)
 
 
-def test_what_check_refuses_is_what_a_run_refuses() -> None:
+def test_check_and_simulate_refuse_the_same_robots() -> None:
     arm = load_robot("two_link_arm")
     planar = load_robot("flexible_space_robot_planar")
     elastic = arm.with_effects(EffectUse.model_validate({"effect": "warp_drive", "at": "joint1"}))
@@ -55,7 +55,7 @@ def test_a_diverging_run_is_reported_with_its_time_and_last_state(formulation: F
         simulate(wild, formulation=formulation)
 
 
-def test_a_smaller_tolerance_cuts_the_steps() -> None:
+def test_a_smaller_tolerance_reduces_the_steps() -> None:
     """A swing at steps of 5 ms, which error control cuts only where it is asked for more than they give."""
     swing = pendulum(joints=(joint("hinge", axis=(0.0, 1.0, 0.0), initial_position=0.5),))
     fine, loose, tight = (
@@ -65,7 +65,7 @@ def test_a_smaller_tolerance_cuts_the_steps() -> None:
     assert np.abs(tight - fine).max() < 0.1 * np.abs(loose - fine).max()
 
 
-def test_tolerance_falls_with_the_cube_of_the_step() -> None:
+def test_tolerance_scales_with_the_cube_of_the_step() -> None:
     arm = load_robot("two_link_arm")
     whole = local_tolerance(arm, DEFAULT_STEP)
     assert local_tolerance(arm, DEFAULT_STEP / 2) == pytest.approx(whole / 8)

@@ -50,7 +50,7 @@ def test_integral_action_is_that_of_a_third_order_system() -> None:
     np.testing.assert_allclose(recording["slide.position"] - 0.05, expected[:, 1], atol=5e-7)
 
 
-def test_a_voltage_servo_feels_its_back_emf() -> None:
+def test_a_voltage_servo_has_back_emf() -> None:
     actuator = Actuator(gear_ratio=10.0, torque_constant=0.2, resistance=2.0)
     robot = slide(actuator=actuator, controller=VoltageServo(gain=2.0, supply=12.0))
     recording = simulate(robot, sensors=False)
@@ -79,7 +79,7 @@ def test_a_servo_saturates_at_its_supply() -> None:
     assert np.all(voltage[1:] == 12.0)
 
 
-def test_the_actuator_limit_caps_the_command() -> None:
+def test_the_actuator_limit_clips_the_command() -> None:
     far = (Quintic(joint="slide", displacement=50.0, duration=1e-3),)
     robot = slide(
         actuator=Actuator(torque_limit=6.0),

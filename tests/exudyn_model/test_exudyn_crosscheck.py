@@ -94,7 +94,7 @@ def test_the_engines_agree(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", quick_names(["two_link_arm", "single_axis", "lugre"], "two_link_arm"))
-def test_their_difference_falls_with_the_step(name: str) -> None:
+def test_the_difference_decreases_with_the_step(name: str) -> None:
     robot = CASES[name]
     theirs = reference_simulate(robot, sensors=False, **TIGHT)
     coarse, fine = (

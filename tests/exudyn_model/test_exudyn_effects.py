@@ -19,7 +19,7 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.plant.acting import TRANSITION as REFERENCE_TRANSITION
 from robot_model import EffectUse, InputError
 
-#: What a law of this engine does not get to see: there the reference model sees nothing either.
+#: Signals that a law of this engine does not use: the reference model gets zeros there.
 UNSEEN = {"acceleration": 0.0, "radial_force": 0.0, "axial_force": 0.0, "bending_moment": 0.0}
 #: Arms that make the bearing's load moment W equal to the sum of its radial forces.
 UNIT_ARMS = (1.0, 0.0)
@@ -100,7 +100,7 @@ def reference_force(
 
 
 @pytest.mark.parametrize("name", sorted(JOINT_LAWS))
-def test_both_engines_mean_the_same_by_an_effect(name: str) -> None:
+def test_engines_agree_on_joint_effects(name: str) -> None:
     effect = get_effect(name)
     assert isinstance(effect, JointEffect)
     assert TRANSITION == REFERENCE_TRANSITION
@@ -128,7 +128,7 @@ def as_dict(now: Instant) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("name", sorted(BODY_CHANGES))
-def test_both_engines_change_bodies_alike(name: str) -> None:
+def test_engines_agree_on_body_effects(name: str) -> None:
     effect = get_effect(name)
     assert isinstance(effect, BodyEffect)
     values = drawn(effect, np.random.default_rng(7))
@@ -145,7 +145,7 @@ def test_both_engines_change_bodies_alike(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(SENSOR_FAULTS))
-def test_both_engines_falsify_channels_alike(name: str) -> None:
+def test_engines_agree_on_sensor_effects(name: str) -> None:
     effect = get_effect(name)
     assert isinstance(effect, SensorEffect)
     time = np.arange(400) * 2e-3
@@ -189,7 +189,7 @@ def test_a_lag_follows_a_ramp_late_by_its_time_constant() -> None:
     assert force == pytest.approx(y - 0.6, rel=1e-12)
 
 
-def test_coulomb_friction_stops_a_slide_when_it_must() -> None:
+def test_coulomb_friction_stops_a_slide_at_the_analytic_time() -> None:
     start = joint(
         "slide", kind="prismatic", child="body", axis=(1.0, 0.0, 0.0), initial_velocity=0.6, actuator=None
     )

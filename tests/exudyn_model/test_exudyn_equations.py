@@ -49,6 +49,6 @@ def test_the_tree_has_no_flexible_links() -> None:
         equations(free_robot(), posture(0, 2), formulation="tree")
 
 
-def test_rpy_goes_there_and_back() -> None:
+def test_rpy_round_trips() -> None:
     rpy = (0.3, -1.1, 2.9)
     np.testing.assert_allclose(to_rpy(from_rpy(rpy)), rpy, rtol=1e-14)

@@ -1,4 +1,4 @@
-"""Forces from outside the description act as the same forces from inside it do."""
+"""User-defined forces act like the same forces in the description."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def short(robot: Robot) -> Robot:
     return robot.model_copy(update={"reference": reference})
 
 
-def test_a_spring_from_outside_is_a_spring() -> None:
+def test_a_user_defined_spring_equals_the_spring_effect() -> None:
     robot = short(load_robot("single_axis"))
     use = {"effect": "cable_spring", "at": "joint1", "stiffness": 40.0, "torque_at_zero": 3.0}
     inside = simulate(robot.with_effects(EffectUse.model_validate(use)), sensors=False)
@@ -50,7 +50,7 @@ def test_memory_follows_accepted_steps() -> None:
     simulate(short(load_robot("single_axis")), sensors=False, extra=[Counter()])
 
 
-def test_measuring_an_exact_recording_is_measuring() -> None:
+def test_measuring_an_exact_recording_equals_simulating_with_sensors() -> None:
     robot = short(load_robot("single_axis"))
     direct, after = simulate(robot, seed=4), measured(robot, simulate(robot, sensors=False), seed=4)
     assert all(np.array_equal(direct[name], after[name]) for name in direct)

@@ -76,7 +76,7 @@ def test_a_loaded_mast_swings_about_its_sag() -> None:
     assert found["robot.energy"] == pytest.approx(found["robot.energy"][0], abs=1e-6)
 
 
-def test_nothing_inside_a_free_robot_changes_its_momentum() -> None:
+def test_internal_forces_conserve_the_momentum_of_a_free_robot() -> None:
     found = simulate(free_robot(), sensors=False)
     for axis in "xyz":
         for kind in ("linear", "angular"):
@@ -86,7 +86,7 @@ def test_nothing_inside_a_free_robot_changes_its_momentum() -> None:
 
 
 @pytest.mark.proof
-def test_its_difference_falls_at_second_order() -> None:
+def test_the_difference_decreases_at_second_order() -> None:
     robot = free_robot()
     names = ("elbow.position", "boom.tip_deflection.y", "boom.tip_deflection.z", "shoulder.position")
     runs = [simulate(robot, sensors=False, step=step) for step in (1e-3, 5e-4, 2.5e-4)]
@@ -140,7 +140,7 @@ def test_the_engines_agree_on_a_spherical_joint() -> None:
 
 
 @pytest.mark.proof
-def test_exact_beams_meet_the_modes_as_elements_grow_in_number() -> None:
+def test_exact_beams_converge_to_the_modes_with_more_elements() -> None:
     gaps = []
     for elements in (4, 8):
         robot = mast(links=(Link(name="pole", beam=beam(elements=elements, modes=8)),))
@@ -170,7 +170,7 @@ def test_a_flexible_link_on_a_deforming_one_keeps_momentum(kind: str) -> None:
         np.testing.assert_allclose(momentum, momentum[0], atol=1e-6)  # of 10 N m s
 
 
-def test_a_joint_beside_the_nodes_is_refused() -> None:
+def test_a_joint_at_no_node_is_refused() -> None:
     robot = free_robot()
     outer = robot.joints[1].model_copy(update={"origin": (0.9, 0.0, 0.0)})
     links = (Link(name="upper", beam=beam()), robot.links[1])
@@ -179,7 +179,7 @@ def test_a_joint_beside_the_nodes_is_refused() -> None:
         simulate(beside)
 
 
-def test_a_beam_from_a_file_is_the_beam(tmp_path: Path) -> None:
+def test_an_imported_beam_equals_the_described_one(tmp_path: Path) -> None:
     given = beam(tip=TipBody(mass=3.0, inertia=(0.02, 0.01, 0.012)), modes=4, gauges=())
     mass = block_diag(*(b for n in beam_nodes(given) for b in (n.mass * np.eye(3), n.inertia)))
     places = [node.position for node in beam_nodes(given)]
@@ -211,7 +211,7 @@ def test_a_beam_from_a_file_is_the_beam(tmp_path: Path) -> None:
         ({"boundary": "free", "root": 4}, "has its root at its frame's origin"),
     ],
 )
-def test_an_imported_body_that_cannot_be_is_refused(change: dict[str, object], sentence: str) -> None:
+def test_an_impossible_imported_body_is_refused(change: dict[str, object], sentence: str) -> None:
     file = mesh_file("lattice") if change else "nowhere.npz"
     given = {"file": file, "modes": 3, "root": (0, 1, 2, 3), **change}
     link = Link.model_validate({"name": "pole", "modal": given})
@@ -245,7 +245,7 @@ def test_a_payload_out_on_a_beam_moves_with_its_node() -> None:
     assert largest(without, theirs, ("position",)) > 100 * largest(fine, theirs, ("position",))
 
 
-def test_a_payload_on_modes_meets_one_on_an_exact_beam() -> None:
+def test_a_payload_on_modes_agrees_with_one_on_an_exact_beam() -> None:
     use = EffectUse.model_validate({"effect": "payload", "at": "pole", "mass": 0.5, "x": 1.5, "y": 0.03})
     robot = mast(links=(Link(name="pole", beam=beam(elements=8, modes=8)),)).with_effects(use)
     modal, exact = (simulate(robot, sensors=False, flexible=kind) for kind in ("modal", "beam"))
@@ -256,7 +256,7 @@ def test_a_payload_on_modes_meets_one_on_an_exact_beam() -> None:
     )
 
 
-def test_bending_shortens_a_cantilever_as_its_closed_form_says() -> None:
+def test_bending_shortens_a_cantilever_by_the_closed_form() -> None:
     given = beam(tip=TipBody(mass=30.0), elements=40, modes=2)
     shapes = beam_shapes(given)
     x = np.zeros(2)
@@ -267,7 +267,7 @@ def test_bending_shortens_a_cantilever_as_its_closed_form_says() -> None:
     assert x @ shortening(given, shapes)[-1] @ x == pytest.approx(1.2 * across**2 / given.length, rel=1e-3)
 
 
-def test_a_spinning_blade_of_modes_stiffens_by_southwell() -> None:
+def test_a_spinning_modal_blade_stiffens_by_southwells_slope() -> None:
     """Out of the plane a bare blade's first frequency rises by 1.193 of the squared rate (Southwell 1921)."""
     spin, given = 12.0, beam(tip=TipBody(), elements=12, modes=8, gauges=(), stiffening=True)
     link = flexible_link(Link(name="blade", beam=given))

@@ -1,4 +1,4 @@
-"""Motors that move by themselves in Exudyn: beside the reference model, in both formulations."""
+"""Separate motor coordinates in Exudyn: compared with the reference model, in both formulations."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def difference(one: Recording, other: Recording, *channels: str) -> float:
 
 @pytest.mark.parametrize("gear", quick_names(GEARS, "elastic with play", "elastic and lossy"))
 @pytest.mark.parametrize("formulation", ["tree", pytest.param("redundant", marks=pytest.mark.proof)])
-def test_both_engines_move_alike_and_closer_with_the_step(gear: str, formulation: Any) -> None:
+def test_engines_agree_and_converge_with_the_step(gear: str, formulation: Any) -> None:
     robot = arm(*GEARS[gear])
     exact = reference(robot, sensors=False, rtol=1e-10, atol=1e-12)
     twist = exact["joint1.motor_position"] - exact["joint1.position"]
@@ -87,7 +87,7 @@ def test_the_torques_are_the_same_formulas(gear: str, twists: list[float], rate:
 
 
 @pytest.mark.parametrize("gear", GEARS)
-def test_gears_start_in_equilibrium_whatever_rounding_does(gear: str) -> None:
+def test_gears_start_in_equilibrium_despite_rounding(gear: str) -> None:
     """Stiffness times (torque over stiffness) is less than the torque for one torque in seventeen."""
     robot = arm(*GEARS[gear])
     own, reference_gears = effects_of(robot).gears[0], Gears(robot, used_effects(robot))
@@ -132,7 +132,7 @@ def test_controllers_drives_and_friction_act_on_the_same_side(controller: dict[s
     assert difference(own, exact, "joint1.torque", "joint1.gear_torque", "joint1.friction_torque") < 0.02
 
 
-def test_a_servos_back_emf_is_the_motors() -> None:
+def test_a_servos_back_emf_follows_the_motor() -> None:
     data = arm(*GEARS["elastic"]).model_dump()
     for joint in data["joints"]:
         joint["actuator"] |= {"torque_constant": 0.1, "resistance": 0.5}
@@ -145,7 +145,7 @@ def test_a_servos_back_emf_is_the_motors() -> None:
 
 
 @pytest.mark.parametrize("formulation", ["tree", pytest.param("redundant", marks=pytest.mark.proof)])
-def test_free_bases_carry_motors_too(formulation: Any) -> None:
+def test_free_bases_support_gears(formulation: Any) -> None:
     data = load_robot("six_joint_space_arm").model_dump()
     data["sensors"], data["effects"] = [], []
     data["reference"] |= {"duration": 0.1, "sample_rate": 50.0}
@@ -158,7 +158,7 @@ def test_free_bases_carry_motors_too(formulation: Any) -> None:
     assert difference(own, exact, *motors, "joint2.position", "joint6.position", "base.position.x") < 2e-7
 
 
-def test_flexible_links_carry_motors_too_and_the_energy_is_all_there() -> None:
+def test_flexible_links_support_gears_and_energy_is_conserved() -> None:
     data = load_robot("flexible_space_robot").model_dump()
     data["sensors"] = []
     data["effects"] = [{"effect": "joint_elasticity", "at": "joint2", "stiffness": 2e3, "damping": 2.0}]
@@ -176,7 +176,7 @@ def test_flexible_links_carry_motors_too_and_the_energy_is_all_there() -> None:
     assert np.abs(own["robot.energy"] - energy).max() < 1e-3 * np.ptp(energy)
 
 
-def test_steps_of_high_order_meet_the_reference_to_rounding() -> None:
+def test_high_order_steps_agree_with_the_reference_to_rounding() -> None:
     robot = arm(*GEARS["elastic"])
     exact = reference(robot, sensors=False, rtol=1e-12, atol=1e-14)
     own = exudyn_model.simulate(robot, sensors=False, integrator="runge-kutta")
@@ -186,7 +186,7 @@ def test_steps_of_high_order_meet_the_reference_to_rounding() -> None:
         exudyn_model.simulate(arm(*GEARS["lossy"]), integrator="runge-kutta")
 
 
-def test_equations_at_a_state_do_without_motors() -> None:
+def test_equations_at_a_state_refuse_separate_motors() -> None:
     with pytest.raises(InputError, match="remove the effects in the gear of joint1"):
         equations(arm(*GEARS["elastic"]), Posture(np.zeros(2), np.zeros(2)))
 
@@ -212,7 +212,7 @@ def test_motor_encoders_are_measured() -> None:
         (GEARS["elastic"] * 2, "listed twice"),
     ],
 )
-def test_what_a_gear_cannot_be_is_refused(effects: list[dict[str, Any]], words: str) -> None:
+def test_impossible_gears_are_refused(effects: list[dict[str, Any]], words: str) -> None:
     with pytest.raises(InputError, match=words):
         exudyn_model.simulate(arm(*effects))
 

@@ -1,4 +1,4 @@
-"""Fixed steps: the orders of Exudyn's integrators, and what they do not carry."""
+"""Fixed steps: the orders of Exudyn's integrators, and unsupported cases."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_explicit_steps_refuse_memory_and_constraints() -> None:
         simulate(pendulum(), integrator="runge-kutta", formulation="redundant")
 
 
-def test_modal_coordinates_have_a_settled_order_and_sign() -> None:
+def test_modal_coordinates_have_a_fixed_order_and_sign() -> None:
     # Of a round beam both bending planes have the same frequencies: y comes first, then z.
     robot = mast(links=(Link(name="pole", beam=beam(tip={"mass": 3.0})),), gravity=(0.0, 0.0, -0.02))
     found = simulate(robot, sensors=False)
@@ -61,7 +61,7 @@ def test_modal_coordinates_have_a_settled_order_and_sign() -> None:
 
 
 @pytest.mark.proof
-def test_constraints_that_diverge_tell_time_and_state() -> None:
+def test_a_diverging_constrained_run_reports_time_and_state() -> None:
     robot = pendulum(controller=JointPD(kp=-1e4), joints=(START.model_copy(update={"actuator": Actuator()}),))
     with pytest.raises(InputError, match=r"diverges after 0\.\d+ s \(hinge at .* moving"):
         simulate(robot, formulation="redundant", integrator="trapezoidal")

@@ -1,4 +1,4 @@
-"""An interrupt ends a simulation, although Exudyn takes it for a fault of the Python code that it calls."""
+"""An interrupt ends a simulation, although Exudyn reports it as an error of the Python code it calls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from exudyn_model import simulate
 
 
 @pytest.mark.parametrize("formulation", ["tree", "redundant"])
-def test_an_interrupt_comes_out_of_the_solver(formulation: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupt_is_propagated_from_the_solver(
+    formulation: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     seen: list[float] = []
 
     def interrupt(time: float) -> None:

@@ -1,4 +1,4 @@
-"""Motions known in closed form, and what motion must conserve."""
+"""Motions known in closed form, and conserved quantities."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from reference_model.passive.base_motion import BaseMotion
 from robot_model import Actuator, Base, ComputedTorque, Cycloid, JointPD, Recording, Reference, Robot, Table
 
 
-def test_a_free_base_falls_as_galileo_says() -> None:
+def test_a_free_base_is_in_free_fall() -> None:
     robot = pendulum(base=Base(kind="free", mass=5.0, inertia=(1.0, 1.0, 1.0), position=(1.0, 2.0, 3.0)))
     recording = simulate(robot, sensors=False, step=5e-4)
     fallen = 3.0 - 0.5 * 9.81 * recording.time**2
@@ -43,7 +43,7 @@ def test_a_pendulum_swings_by_elliptic_functions(start: float) -> None:
     np.testing.assert_allclose(recording["hinge.position"], expected, atol=3e-6)
 
 
-def test_the_error_falls_with_the_square_of_the_step() -> None:
+def test_the_error_decreases_with_the_square_of_the_step() -> None:
     robot = pendulum(joints=(joint("hinge", axis=(0.0, 1.0, 0.0), initial_position=1.0, actuator=None),))
     frequency = np.sqrt(2.0 * 9.81 * 0.5 / (0.1 + 2.0 * 0.5**2))
     errors = []
@@ -85,7 +85,7 @@ def test_rotor_inertia_and_gains_give_the_damped_oscillation() -> None:
     )
 
 
-def test_the_energy_of_a_pendulum_stays() -> None:
+def test_a_pendulum_conserves_energy() -> None:
     robot = pendulum(joints=(joint("hinge", axis=(0.0, 1.0, 0.0), initial_position=2.0, actuator=None),))
     recording = simulate(robot, sensors=False, step=5e-4)
     angle, rate = recording["hinge.position"], recording["hinge.velocity"]
@@ -95,7 +95,7 @@ def test_the_energy_of_a_pendulum_stays() -> None:
 
 
 def base_motion(recording: Recording) -> BaseMotion:
-    """What the reference model wants to know of a free base; accelerations do not matter to momentum."""
+    """Motion of a free base for the reference model; accelerations do not influence momentum."""
     attitude = np.stack([recording[f"base.attitude.{axis}"] for axis in "wxyz"], axis=1)
     angular, linear = (
         np.stack([recording[f"base.{name}.{axis}"] for axis in "xyz"], axis=1)
@@ -121,7 +121,7 @@ def momentum_drift(robot: Robot, *, step: float) -> float:
     return max(float(np.abs(rows - rows[0]).max()) for rows in found)
 
 
-def test_a_floating_robot_keeps_its_momentum() -> None:
+def test_a_floating_robot_conserves_momentum() -> None:
     robot = tumbling_robot(reference=Reference(duration=0.5, sample_rate=100.0))
     coarse, fine = (momentum_drift(robot, step=step) for step in (5e-4, 2.5e-4))
     # Momenta are of the order 20. The trapezoidal rule does not conserve them exactly in these
@@ -141,7 +141,7 @@ def test_a_new_anchor_of_the_base_changes_nothing(monkeypatch: pytest.MonkeyPatc
         np.testing.assert_allclose(anchored[channel], smooth[channel], atol=5e-6, err_msg=channel)
 
 
-def test_computed_torque_follows_exactly_even_on_a_free_base() -> None:
+def test_computed_torque_tracks_exactly_even_on_a_free_base() -> None:
     """Exudyn's dynamics and the controller's own inverse dynamics cancel."""
     items = tuple(
         Cycloid(joint=name, displacement=distance, duration=0.8)

@@ -36,7 +36,7 @@ def largest(first: Recording, second: Recording, quantities: tuple[str, ...]) ->
     return max(float(np.abs(first[name] - second[name]).max()) for name in names)
 
 
-def test_bodies_and_tree_move_alike() -> None:
+def test_bodies_and_tree_give_the_same_motion() -> None:
     robot = tumbling_robot(reference=SHORT, gravity=GRAVITY)
     tree = simulate(robot, sensors=False, formulation="tree")
     bodies = simulate(robot, sensors=False, formulation="redundant")
@@ -110,7 +110,7 @@ def test_friction_in_proportion_to_the_load_is_the_reference_models(name: str) -
     assert largest(mine, theirs, ("friction_torque",)) < 2e-3
 
 
-def test_a_swinging_pendulum_pulls_at_its_hinge() -> None:
+def test_a_swinging_pendulum_loads_its_hinge() -> None:
     robot = pendulum(
         joints=(
             Joint(
@@ -143,7 +143,7 @@ def test_two_bearings_share_force_and_moment_as_vectors() -> None:
     assert load.friction_moment(single) == pytest.approx(0.2 * 2 + 0.1 * 6 + 0.1 / 0.25 * 1.5)
 
 
-def test_a_sampled_controller_jumps_alike() -> None:
+def test_engines_agree_on_jumps_of_a_sampled_controller() -> None:
     control = JointPD(kp=(40.0, 60.0, 200.0), kd=(4.0, 6.0, 20.0), sample_time=5e-3)
     robot = tumbling_robot(reference=SHORT, controller=control)
     tree = simulate(robot, sensors=False, formulation="tree")

@@ -1,4 +1,4 @@
-"""What the sensors of a simulation say."""
+"""Sensor readings of a simulation."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_only_sensed_channels_are_recorded() -> None:
     assert len(recording) == 1001
 
 
-def test_noise_has_its_size_and_values_their_resolution() -> None:
+def test_noise_and_resolution_have_their_stated_values() -> None:
     robot = moving_cart()
     exact, recording = simulate(robot, sensors=False), simulate(robot, seed=4)
     error = recording["slide.position"] - exact["slide.position"]
@@ -46,7 +46,7 @@ def test_noise_has_its_size_and_values_their_resolution() -> None:
     np.testing.assert_array_equal(recording["slide.torque"], exact["slide.torque"])
 
 
-def test_the_seed_makes_the_noise() -> None:
+def test_the_seed_determines_the_noise() -> None:
     robot = moving_cart()
     first, again, other = (simulate(robot, seed=seed)["slide.position"] for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, again)
@@ -57,7 +57,7 @@ def test_a_robot_without_sensors_gives_every_channel() -> None:
     assert set(simulate(moving_cart(sensors=()))) == set(simulate(moving_cart(), sensors=False))
 
 
-def test_a_sensor_of_no_channel_is_refused() -> None:
+def test_a_sensor_of_an_unknown_channel_is_refused() -> None:
     robot = moving_cart(sensors=(Sensor(channel="slide.temperature", noise=0.0, resolution=0.0),))
     with pytest.raises(InputError, match=r"gives no channel 'slide\.temperature'"):
         simulate(robot)

@@ -1,4 +1,4 @@
-"""Robot files of the tests, and those of real machines where their folder is."""
+"""Robot files of the tests, and those of real machines if their folder exists."""
 
 from __future__ import annotations
 

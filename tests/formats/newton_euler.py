@@ -1,4 +1,4 @@
-"""Inverse dynamics straight from URDF and MJCF files, written once more and differently, for the tests.
+"""Inverse dynamics directly from URDF and MJCF files, an independent implementation for the tests.
 
 Nothing is merged, renamed or shifted here: every link of a URDF and every joint of an MJCF body is a segment
 of its own, and all vectors are in inertial axes. Of MJCF only what the test files with a fixed base use is

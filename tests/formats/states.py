@@ -1,4 +1,4 @@
-"""Random states of robots and the generalised forces that they need."""
+"""Random states of robots and the required generalised forces."""
 
 from __future__ import annotations
 

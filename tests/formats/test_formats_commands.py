@@ -39,8 +39,8 @@ noise = 1e-2
 
 
 @dataclass(frozen=True)
-class Said:
-    """Exit code and what was printed."""
+class Printed:
+    """Exit code and printed output."""
 
     code: int
     out: str
@@ -48,17 +48,17 @@ class Said:
 
 
 class Front:
-    """The front door: runs the command as its user does."""
+    """Runs the command as a user does."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self.monkeypatch, self.capsys = monkeypatch, capsys
 
-    def __call__(self, *words: object) -> Said:
+    def __call__(self, *words: object) -> Printed:
         self.monkeypatch.setattr("sys.argv", ["missing-physics", *map(str, words)])
         with pytest.raises(SystemExit) as left:
             main()
-        said = self.capsys.readouterr()
-        return Said(int(left.value.code or 0), said.out, said.err)
+        printed = self.capsys.readouterr()
+        return Printed(int(left.value.code or 0), printed.out, printed.err)
 
 
 @pytest.fixture
@@ -68,16 +68,16 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 
 @pytest.fixture
 def arm(files: Path, tmp_path: Path) -> Path:
-    """A URDF with an overlay beside it."""
+    """A URDF with an overlay next to it."""
     (tmp_path / "arm.urdf").write_text((files / "pendulum.urdf").read_text())
     (tmp_path / "arm.overlay.toml").write_text(OVERLAY.format(effects=""))
     return tmp_path / "arm.urdf"
 
 
 def test_from_a_urdf_to_a_finding(run: Front, arm: Path, tmp_path: Path) -> None:
-    """What the URDF says of friction moves the simulation, and is found by a diagnosis that drops it."""
+    """Friction of the URDF affects the simulation, and is found by a diagnosis without it."""
     log = tmp_path / "run.csv"
-    assert run("simulate", arm, "--out", log, "--quiet") == Said(0, "", "")
+    assert run("simulate", arm, "--out", log, "--quiet") == Printed(0, "", "")
     assert set(load_recording(log)) >= {"pivot.position", "pivot.torque"}
     seen = run("inspect", log, "--robot", arm, "--json")
     assert seen.code == 0
@@ -96,18 +96,18 @@ def test_from_a_urdf_to_a_finding(run: Front, arm: Path, tmp_path: Path) -> None
 
 
 def test_both_engines(run: Front, arm: Path, tmp_path: Path) -> None:
-    said = run("crosscheck", arm, "--out", tmp_path / "both", "--duration", 0.2, "--json", "--quiet")
-    assert (said.code, said.out, said.err) == (0, "", "")
+    printed = run("crosscheck", arm, "--out", tmp_path / "both", "--duration", 0.2, "--json", "--quiet")
+    assert (printed.code, printed.out, printed.err) == (0, "", "")
     assert (tmp_path / "both" / "crosscheck.json").is_file()
 
 
-def test_what_is_assumed_is_said_on_stderr(run: Front, arm: Path, tmp_path: Path) -> None:
-    said = run("simulate", arm, "--out", tmp_path / "run.csv")
-    lines = said.err.splitlines()
+def test_assumptions_are_reported_on_stderr(run: Front, arm: Path, tmp_path: Path) -> None:
+    printed = run("simulate", arm, "--out", tmp_path / "run.csv")
+    lines = printed.err.splitlines()
     assert f"{arm}: arm.overlay.toml beside it is put over it." in lines
     assert len(lines) == len(set(lines)) == 3
     assert all(line.startswith(f"{arm}: ") for line in lines)
-    assert "overlay" not in said.out
+    assert "overlay" not in printed.out
 
 
 @pytest.mark.parametrize("command", ["simulate", "crosscheck", "diagnose", "inspect"])
@@ -117,10 +117,11 @@ def test_unusable_files_end_every_command(run: Front, tmp_path: Path, command: s
     words = {"diagnose": [tmp_path / "arm.urdf", tmp_path / "log.csv"]}.get(command, [tmp_path / "arm.urdf"])
     if command == "inspect":
         words = [tmp_path / "log.csv", "--robot", tmp_path / "arm.urdf"]
-    said = run(command, *words, "--quiet")
-    assert said.code == UNUSABLE_INPUT
+    printed = run(command, *words, "--quiet")
+    assert printed.code == UNUSABLE_INPUT
     assert (
-        said.err == f"missing-physics: {tmp_path / 'arm.urdf'}, line 1: is not valid XML: mismatched tag.\n"
+        printed.err
+        == f"missing-physics: {tmp_path / 'arm.urdf'}, line 1: is not valid XML: mismatched tag.\n"
     )
     assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "log.csv"]
 
@@ -130,7 +131,7 @@ MESH = '<mujoco><worldbody><body name="a"><joint/><geom type="mesh"/></body></wo
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "said"),
+    ("name", "text", "printed"),
     [
         ("cut.urdf", "<robot name='a'><link name='b'>", "cut.urdf, line 1: is not valid XML: no"),
         ("bomb.urdf", f"{BOMB}<robot name='&b;'/>", "bomb.urdf declares entities or refers to another file"),
@@ -141,7 +142,7 @@ MESH = '<mujoco><worldbody><body name="a"><joint/><geom type="mesh"/></body></wo
     ],
 )
 def test_unusable_robots_end_with_one_sentence(
-    run: Front, files: Path, tmp_path: Path, name: str, text: str | None, said: str
+    run: Front, files: Path, tmp_path: Path, name: str, text: str | None, printed: str
 ) -> None:
     robot: str | Path = name
     if "://" not in name:
@@ -151,16 +152,16 @@ def test_unusable_robots_end_with_one_sentence(
     ended = run("simulate", robot, "--out", tmp_path / "out" / "run.csv", "--quiet")
     assert ended.code == UNUSABLE_INPUT
     assert ended.err.startswith(f"missing-physics: {robot}")
-    assert said in ended.err
+    assert printed in ended.err
     assert ended.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
-def test_a_mesh_that_is_missing_does_no_harm(run: Front, arm: Path, tmp_path: Path) -> None:
-    """Meshes are never opened, whatever their address: mass and inertia stand in the file."""
+def test_a_missing_mesh_is_ignored(run: Front, arm: Path, tmp_path: Path) -> None:
+    """Meshes are never opened, whatever their address: the file itself gives mass and inertia."""
     mesh = '<visual><geometry><mesh filename="package://arm/rod.stl"/></geometry></visual>'
     arm.write_text(arm.read_text().replace('<link name="rod">', f'<link name="rod">{mesh}'))
-    assert run("simulate", arm, "--out", tmp_path / "run.csv", "--quiet") == Said(0, "", "")
+    assert run("simulate", arm, "--out", tmp_path / "run.csv", "--quiet") == Printed(0, "", "")
 
 
 def test_xml_is_imported_only_for_robots_in_xml() -> None:
@@ -172,10 +173,12 @@ def test_xml_is_imported_only_for_robots_in_xml() -> None:
     )
 
 
-def test_a_motion_that_is_missing_leads_to_the_overlay(run: Front, files: Path, tmp_path: Path) -> None:
-    said = run("simulate", files / "pendulum.urdf", "--out", tmp_path / "run.csv", "--quiet")
-    assert said.code == UNUSABLE_INPUT
+def test_a_missing_motion_is_reported_with_the_overlay_as_remedy(
+    run: Front, files: Path, tmp_path: Path
+) -> None:
+    printed = run("simulate", files / "pendulum.urdf", "--out", tmp_path / "run.csv", "--quiet")
+    assert printed.code == UNUSABLE_INPUT
     assert (
         "has no reference motion; add a [reference] table with a duration to its file or an overlay"
-        in said.err
+        in printed.err
     )

@@ -1,4 +1,4 @@
-"""Whatever stands in a robot file of another format: a robot comes out, or one sentence to act on."""
+"""Any content of a robot file of another format gives a robot, or a one-sentence actionable error."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ coefficient = 0.3
 
 pytestmark = pytest.mark.fuzz
 
-#: What stands in damaged files: numbers beyond all measure, names that mean something, expressions.
+#: Content of damaged files: excessively large numbers, meaningful names, expressions.
 pieces = st.sampled_from(
     [
         "",
@@ -92,7 +92,7 @@ pieces = st.sampled_from(
 
 
 def robot_or_sentence(path: Path, **options: Path) -> None:
-    """Read the file; what comes out must be whole, and a refusal a sentence that names the file."""
+    """Read the file; the result must be complete, and a refusal a sentence that names the file."""
     try:
         robot, notes = read_robot(path, **options)
     except InputError as error:
@@ -114,7 +114,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", VALID)
-def test_what_is_damaged_is_valid_at_first(folder: Path, name: str) -> None:
+def test_the_files_are_valid_before_damage(folder: Path, name: str) -> None:
     (folder / name).write_text(VALID[name])
     assert read_robot(folder / name)[0].moving_joints
 

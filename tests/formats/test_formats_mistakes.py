@@ -1,4 +1,4 @@
-"""Each kind of mistake in a URDF, xacro or MJCF file is told in one sentence with file, line and element."""
+"""Each mistake in a URDF, xacro or MJCF file is reported in one sentence with file, line and element."""
 
 from __future__ import annotations
 
@@ -321,7 +321,7 @@ XACRO = {
 
 
 def refusal(path: Path, valid: str, old: str, new: str) -> str:
-    """What is said of the valid text with `old` written as `new`."""
+    """The message for the valid text with `old` replaced by `new`."""
     assert old in valid
     path.write_text(valid.replace(old, new, 1))
     with pytest.raises(InputError) as caught:
@@ -371,7 +371,7 @@ def test_the_files_that_the_mistakes_are_made_in_are_valid(files: Path) -> None:
         ("<?xml version='1.0' encoding='klingon'?><robot/>", " is not valid XML: unknown encoding: klingon."),
     ],
 )
-def test_files_that_hold_something_else(tmp_path: Path, text: str, sentence: str) -> None:
+def test_files_with_other_content(tmp_path: Path, text: str, sentence: str) -> None:
     (tmp_path / "robot.urdf").write_text(text)
     with pytest.raises(InputError) as caught:
         read_robot(tmp_path / "robot.urdf")
@@ -399,7 +399,7 @@ def test_files_that_hold_something_else(tmp_path: Path, text: str, sentence: str
     ],
     ids=["elements", "links", "bodies"],
 )
-def test_far_too_much(tmp_path: Path, name: str, text: str, sentence: str) -> None:
+def test_oversized_content(tmp_path: Path, name: str, text: str, sentence: str) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError) as caught:
         read_robot(tmp_path / name)
@@ -413,7 +413,7 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
         read_robot(tmp_path / "robot.urdf")
 
 
-def test_a_robot_without_a_suffix_is_known_by_its_content(files: Path, tmp_path: Path) -> None:
+def test_a_file_without_a_suffix_is_recognised_by_its_content(files: Path, tmp_path: Path) -> None:
     (tmp_path / "robot").write_bytes(b"\xef\xbb\xbf\n" + (files / "pendulum.urdf").read_bytes())
     (tmp_path / "text").write_text('name = "arm"')
     assert read_robot(tmp_path / "robot")[0].name == "pendulum"
@@ -421,6 +421,6 @@ def test_a_robot_without_a_suffix_is_known_by_its_content(files: Path, tmp_path:
         read_robot(tmp_path / "text")
 
 
-def test_a_misspelt_name_leads_to_the_file_beside_it(files: Path) -> None:
+def test_a_misspelt_name_suggests_the_file_next_to_it(files: Path) -> None:
     with pytest.raises(InputError, match=r"did you mean '.*pendulum\.urdf'\?"):
         read_robot(files / "pendulm.urdf")

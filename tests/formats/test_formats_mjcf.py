@@ -52,7 +52,7 @@ def test_a_capsule_is_a_cylinder_with_two_half_spheres(tmp_path: Path) -> None:
     np.testing.assert_allclose(rod[:3], [12, 12, 0], atol=1e-4)
 
 
-def test_what_weighs_nothing(tmp_path: Path) -> None:
+def test_geoms_without_mass(tmp_path: Path) -> None:
     others = '<geom type="mesh" mesh="m" mass="0"/><geom type="mesh" mesh="m" density="0"/>'
     others += '<geom size="1" group="3"/>'
     mass, centre, _ = part(
@@ -98,7 +98,7 @@ def test_an_element_overrides_its_class_and_the_class_that_of_the_body(tmp_path:
     assert mass('class="b" euler="0 0 90"') == pytest.approx(300 * 48)  # instead of the class's quaternion
 
 
-def test_a_joint_in_a_frame_is_moved_and_turned_with_it(tmp_path: Path) -> None:
+def test_a_joint_in_a_frame_is_moved_and_rotated_with_it(tmp_path: Path) -> None:
     """The frame is turned by 90 deg about z: its x axis is the body's y axis."""
     joint = '<frame pos="1 2 3" euler="0 0 90"><joint name="j" axis="1 0 0" pos="0.5 0 0"/></frame>'
     found = robot_of(tmp_path, f'{joint}<geom size="1"/>').joint("j")
@@ -131,8 +131,8 @@ def test_lower_bounds_and_the_sum_of_masses(tmp_path: Path) -> None:
     np.testing.assert_allclose(inertia[:3], [1.5, 1.2, 0.6])
 
 
-def test_a_mesh_that_weighs_is_no_mere_frame(tmp_path: Path) -> None:
-    """A body of unknown mass makes that of the whole unknown, whatever is fixed to it."""
+def test_a_mesh_with_mass_is_not_just_a_frame(tmp_path: Path) -> None:
+    """A body of unknown mass makes the total mass unknown, whatever is fixed to it."""
     fixed = '<body name="tool"><geom type="mesh" mesh="m"/></body>'
     with pytest.raises(
         InputError, match=r"body 'tool' takes its mass from a mesh .*\[\[links\]\] name = \"part\""
@@ -140,7 +140,7 @@ def test_a_mesh_that_weighs_is_no_mere_frame(tmp_path: Path) -> None:
         robot_of(tmp_path, f'<joint name="j"/><geom size="1"/>{fixed}')
 
 
-def test_actuator_damping_is_felt_as_mujoco_has_it(tmp_path: Path) -> None:
+def test_actuator_damping_agrees_with_mujoco(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     tail = '<actuator><motor joint="j" gear="3" damping="0.2"/></actuator>'
     robot_of(tmp_path, '<joint name="j"/><geom size="1"/>', tail=tail)
@@ -152,7 +152,7 @@ def test_actuator_damping_is_felt_as_mujoco_has_it(tmp_path: Path) -> None:
     assert total == pytest.approx(-9 * 0.2 * 2.0)
 
 
-def test_tendons_with_an_actuator_each_are_a_transmission(files: Path) -> None:
+def test_tendons_with_one_actuator_each_are_a_transmission(files: Path) -> None:
     """A tendon's rest length is that of the start; a tendon without an actuator stays out of it."""
     robot, notes = read_robot(files / "coupled_wrist.xml")
     (one,) = robot.transmissions
@@ -170,7 +170,7 @@ def test_tendons_with_an_actuator_each_are_a_transmission(files: Path) -> None:
     assert any("become motors of a transmission, behind their gears: 't5' and 't6'" in note for note in notes)
 
 
-def test_tendons_that_do_not_fit_their_joints_are_left_out(files: Path, tmp_path: Path) -> None:
+def test_tendons_that_do_not_match_their_joints_are_ignored(files: Path, tmp_path: Path) -> None:
     text = (files / "coupled_wrist.xml").read_text().replace('<motor tendon="t6"/>', "")
     (tmp_path / "wrist.xml").write_text(text)
     robot, notes = read_robot(tmp_path / "wrist.xml")

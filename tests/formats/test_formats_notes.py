@@ -1,4 +1,4 @@
-"""What a robot cannot hold of a file is said once; what it holds is what the file means."""
+"""Content of a file that a robot cannot hold is noted once; the rest keeps its meaning."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def model(
     return robot, "\n".join(notes)
 
 
-def test_nothing_to_say(tmp_path: Path) -> None:
+def test_complete_files_give_no_notes(tmp_path: Path) -> None:
     robot, notes = model(tmp_path)
     assert notes == ""
     assert robot.gravity == (0.0, 0.0, -9.81)
@@ -92,11 +92,11 @@ def test_nothing_to_say(tmp_path: Path) -> None:
     ],
     ids=lambda value: "" if isinstance(value, dict) else value[:30],
 )
-def test_what_is_said(tmp_path: Path, parts: dict[str, str], note: str) -> None:
+def test_notes(tmp_path: Path, parts: dict[str, str], note: str) -> None:
     assert note in model(tmp_path, **parts)[1]
 
 
-def test_an_inactive_equality_is_none(tmp_path: Path) -> None:
+def test_an_inactive_equality_is_ignored(tmp_path: Path) -> None:
     tail = '<equality><joint joint1="second" joint2="first" active="false"/></equality>'
     robot, notes = model(tmp_path, tail=tail)
     assert notes == ""
@@ -152,14 +152,14 @@ def test_a_passive_joint_keeps_its_armature(tmp_path: Path) -> None:
     assert "joint 'first': no actuator but armature" in notes
 
 
-def test_settings_of_included_files_count_for_all(tmp_path: Path) -> None:
-    """As in MuJoCo, whatever file they stand in."""
+def test_settings_of_included_files_apply_to_the_model(tmp_path: Path) -> None:
+    """As in MuJoCo, whichever file contains them."""
     (tmp_path / "more.xml").write_text('<mujocoinclude><option gravity="0 0 -1"/></mujocoinclude>')
     assert model(tmp_path, tail='<include file="more.xml"/>')[0].gravity == (0.0, 0.0, -1.0)
     assert model(tmp_path, head='<option><flag gravity="disable"/></option>')[0].gravity == (0.0, 0.0, 0.0)
 
 
-def test_flags_switch_forces_of_joints_off(tmp_path: Path) -> None:
+def test_flags_disable_joint_forces(tmp_path: Path) -> None:
     joint = 'damping="1" frictionloss="2" stiffness="3"'
     effects = {"damper": "viscous_friction", "frictionloss": "coulomb_friction", "spring": "cable_spring"}
     for flag, effect in effects.items():
@@ -167,13 +167,13 @@ def test_flags_switch_forces_of_joints_off(tmp_path: Path) -> None:
         assert {use.effect for use in robot.effects} == set(effects.values()) - {effect}
 
 
-def test_a_floating_robot_touches_nothing(files: Path) -> None:
+def test_a_floating_robot_has_no_contact_note(files: Path) -> None:
     assert (
         "contacts with the ground and between bodies are left out." in read_robot(files / "quadruped.xml")[1]
     )
 
 
-def test_what_other_programs_add_to_a_urdf(files: Path, tmp_path: Path) -> None:
+def test_extensions_of_other_programs_in_a_urdf(files: Path, tmp_path: Path) -> None:
     added = (
         '<transmission name="t"><joint name="pivot"/><joint name="other"/></transmission>'
         '<gazebo reference="pivot"><springStiffness>3</springStiffness></gazebo>'
@@ -186,7 +186,7 @@ def test_what_other_programs_add_to_a_urdf(files: Path, tmp_path: Path) -> None:
     assert "springs that Gazebo adds to joints" in text
 
 
-def test_a_urdf_says_what_is_assumed(files: Path) -> None:
+def test_assumptions_for_a_urdf_are_noted(files: Path) -> None:
     _, notes = read_robot(files / "branched.urdf")
     text = "\n".join(notes)
     assert "<mechanicalReduction> of 'waist' becomes gear_ratio." in text
@@ -226,7 +226,7 @@ def test_a_floating_joint_makes_the_base_free(files: Path, tmp_path: Path) -> No
     assert (base.kind, base.mass, base.position) == ("free", 3.0, (0.0, 0.0, 2.0))
 
 
-def test_a_part_with_impossible_inertia_does_no_harm_in_a_possible_whole(files: Path, tmp_path: Path) -> None:
+def test_an_impossible_part_of_a_possible_link_is_accepted(files: Path, tmp_path: Path) -> None:
     part = (
         '<link name="foot"><inertial><mass value="0.1"/><inertia ixx="1e-6" iyy="0" izz="0"/></inertial>'
         "</link>"
@@ -253,12 +253,12 @@ def test_names_of_files_are_printed_and_written_safely(files: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", ["3dof", "_hidden", "shoulder_pan_joint", "a-b"])
-def test_names_that_stay(files: Path, tmp_path: Path, name: str) -> None:
+def test_valid_names_are_kept(files: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / "arm.urdf").write_text((files / "pendulum.urdf").read_text().replace('"pivot"', f'"{name}"'))
     assert read_robot(tmp_path / "arm.urdf")[0].joints[0].name == name
 
 
-def test_two_names_that_become_one_stay_apart(files: Path, tmp_path: Path) -> None:
+def test_colliding_names_are_made_unique(files: Path, tmp_path: Path) -> None:
     part = '<joint name="x" type="continuous"><parent link="rod"/><child link="r.d"/></joint></robot>'
     part = '<link name="r.d"/>' + part
     inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
@@ -272,8 +272,8 @@ def test_two_names_that_become_one_stay_apart(files: Path, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("joint", ['damping="0.1"', 'frictionloss="0.1"', 'stiffness="3"'])
 def test_effects_that_an_overlay_drops_are_not_reported(tmp_path: Path, joint: str) -> None:
-    _, said = model(tmp_path, joint=joint)
-    assert "that the robot already has" in said
+    _, note = model(tmp_path, joint=joint)
+    assert "that the robot already has" in note
     (tmp_path / "over.toml").write_text("effects = []\n")
     robot, notes = read_robot(tmp_path / "arm.xml", overlay=tmp_path / "over.toml")
     assert not robot.effects

@@ -1,4 +1,4 @@
-"""An overlay says what a file cannot; it changes what it names and nothing else."""
+"""An overlay adds values that a file cannot hold; it changes only what it names."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def overlaid(robot: Path | str, folder: Path, text: str) -> Robot:
     return read_robot(robot, overlay=folder / "change.toml")[0]
 
 
-def test_figures_are_put_into_the_tables_of_the_file(files: Path, tmp_path: Path) -> None:
+def test_values_are_merged_into_the_tables_of_the_file(files: Path, tmp_path: Path) -> None:
     plain = read_robot(files / "pendulum.urdf")[0]
     found = overlaid(
         files / "pendulum.urdf",
@@ -47,7 +47,7 @@ def test_figures_are_put_into_the_tables_of_the_file(files: Path, tmp_path: Path
     assert found.effects == plain.effects
 
 
-def test_effects_are_replaced_added_and_dropped(files: Path, tmp_path: Path) -> None:
+def test_effects_are_replaced_added_and_removed(files: Path, tmp_path: Path) -> None:
     plain = read_robot(files / "pendulum.urdf")[0]
     assert [(use.effect, use.parameters) for use in plain.effects] == [
         ("viscous_friction", {"coefficient": 0.1}),
@@ -67,7 +67,7 @@ def test_effects_are_replaced_added_and_dropped(files: Path, tmp_path: Path) -> 
     assert overlaid(files / "pendulum.urdf", tmp_path, "effects = []").effects == ()
 
 
-def test_armature_goes_behind_the_gear_of_an_overlay(files: Path, tmp_path: Path) -> None:
+def test_armature_is_converted_by_the_gear_of_an_overlay(files: Path, tmp_path: Path) -> None:
     """0.01 kg m^2 at the joint are 1e-4 kg m^2 behind a gear of 10."""
     text = '[[joints]]\nname = "swing"\nactuator = { gear_ratio = 10.0 }'
     actuator = overlaid(files / "gimbal.xml", tmp_path, text).joint("swing").actuator
@@ -123,7 +123,7 @@ def test_missing_and_impossible_masses_are_given(files: Path, tmp_path: Path) ->
     assert overlaid(tmp_path / "bare.urdf", tmp_path, masses).link("rod").mass == 2.0
 
 
-def test_the_overlay_beside_a_file_is_used_and_said(files: Path, tmp_path: Path) -> None:
+def test_the_overlay_next_to_a_file_is_used_and_reported(files: Path, tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text((files / "pendulum.urdf").read_text())
     (tmp_path / "arm.overlay.toml").write_text("gravity = [0.0, 0.0, 0.0]")
     robot, notes = read_robot(tmp_path / "arm.urdf")
@@ -136,14 +136,14 @@ def test_the_overlay_beside_a_file_is_used_and_said(files: Path, tmp_path: Path)
 
 
 @pytest.mark.parametrize("name", ["arm.v1.2.urdf", "arm.v1.2.urdf.xacro", "arm.v1.2"])
-def test_the_overlay_beside_is_named_without_the_suffixes(files: Path, tmp_path: Path, name: str) -> None:
+def test_the_overlay_next_to_a_file_is_named_without_suffixes(files: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text((files / "pendulum.urdf").read_text().replace(' name="pendulum"', ""))
     (tmp_path / "arm.v1.2.overlay.toml").write_text("gravity = [0.0, 0.0, 0.0]")
     robot, _ = read_robot(tmp_path / name)
     assert (robot.name, robot.gravity) == ("arm_v1_2", (0.0, 0.0, 0.0))
 
 
-def test_a_toml_robot_and_a_shipped_one_take_an_overlay(tmp_path: Path) -> None:
+def test_toml_and_shipped_robots_accept_an_overlay(tmp_path: Path) -> None:
     shipped = load_robot("single_axis")
     save_robot(shipped, tmp_path / "axis.toml")
     text = '[[links]]\nname = "carriage"\nmass = 50.0'
@@ -226,7 +226,7 @@ def test_mistakes(files: Path, tmp_path: Path, text: str, sentence: str) -> None
     assert "change.toml" in str(caught.value)
 
 
-def test_a_link_that_is_part_of_another_is_pointed_out(files: Path, tmp_path: Path) -> None:
+def test_a_link_merged_into_another_is_reported(files: Path, tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"'camera' is fixed to another link of .* and is part of it; the moving"
     ):
@@ -235,12 +235,12 @@ def test_a_link_that_is_part_of_another_is_pointed_out(files: Path, tmp_path: Pa
         overlaid(files / "branched.urdf", tmp_path, '[[joints]]\nname = "bolt"\naxis = [0.0, 0.0, 1.0]')
 
 
-def test_an_overlay_that_is_not_there(files: Path, tmp_path: Path) -> None:
+def test_a_missing_overlay_is_reported(files: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.toml is no file; --overlay takes the name of a TOML file\."):
         read_robot(files / "pendulum.urdf", overlay=tmp_path / "none.toml")
 
 
-def test_motors_of_a_transmission_take_the_place_of_the_joints_actuators(tmp_path: Path) -> None:
+def test_motors_of_a_transmission_replace_the_joints_actuators(tmp_path: Path) -> None:
     found = overlaid(
         "two_link_arm",
         tmp_path,

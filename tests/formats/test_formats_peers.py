@@ -160,7 +160,7 @@ def test_a_real_quadruped(real: Path) -> None:
         ("", '<geom type="cylinder" fromto="0.1 0.2 0.3 -.1 .1 .5" size=".05" density="300"/>'),
     ],
 )
-def test_what_the_compiler_does_to_masses(tmp_path: Path, compiler: str, part: str) -> None:
+def test_compiler_settings_for_masses(tmp_path: Path, compiler: str, part: str) -> None:
     text = f"""<mujoco><compiler {compiler}/><worldbody><body name="a" pos="0 0 1" euler="20 30 40">
       <joint name="first" axis="0 1 1" pos="0.1 0 0"/><geom type="capsule" size="0.1 0.2"/>{part}
       <body name="b" pos="0.3 0 0"><joint name="second" type="slide" axis="1 0 1"/>
@@ -169,7 +169,7 @@ def test_what_the_compiler_does_to_masses(tmp_path: Path, compiler: str, part: s
     check_mjcf(tmp_path / "two.xml")
 
 
-def test_joints_in_a_frame_are_turned_with_it(tmp_path: Path) -> None:
+def test_joints_in_a_frame_are_rotated_with_it(tmp_path: Path) -> None:
     text = """<mujoco><worldbody><body name="a" pos="0 0 1" euler="20 30 40">
       <frame pos="1 2 3" euler="30 40 50"><joint name="first" axis="0 1 1" pos="0.1 0 0" ref="20"/></frame>
       <geom type="box" size="0.1 0.2 0.3" pos="0 0.1 0"/></body></worldbody></mujoco>"""

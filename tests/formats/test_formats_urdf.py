@@ -12,7 +12,7 @@ from robot_model import read_robot
 from robot_model.formats.parts.poses import from_rpy, rpy_of
 
 
-def test_an_axis_that_is_not_given_is_x(files: Path, tmp_path: Path) -> None:
+def test_the_default_axis_is_x(files: Path, tmp_path: Path) -> None:
     text = (files / "pendulum.urdf").read_text().replace('<axis xyz="0 1 0"/>', "")
     (tmp_path / "arm.urdf").write_text(text)
     assert read_robot(tmp_path / "arm.urdf")[0].joint("pivot").axis == (1.0, 0.0, 0.0)
@@ -29,7 +29,7 @@ def test_an_orientation_by_quaternion(files: Path, tmp_path: Path) -> None:
     assert joint.origin == (1.0, 2.0, 3.0)
 
 
-def test_a_frame_that_nothing_turns_keeps_the_digits_of_the_file(files: Path, tmp_path: Path) -> None:
+def test_an_unrotated_frame_keeps_the_digits_of_the_file(files: Path, tmp_path: Path) -> None:
     origin = '<origin xyz="0.1 0 0" rpy="3.1416 1.5708 -0.3"/><parent link="stand"/>'
     text = (files / "pendulum.urdf").read_text().replace('<parent link="stand"/>', origin)
     (tmp_path / "arm.urdf").write_text(text)

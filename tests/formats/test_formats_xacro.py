@@ -1,4 +1,4 @@
-"""xacro files expand to what the package that ROS uses makes of them, without its means."""
+"""xacro files expand as with the package that ROS uses, without its unsafe features."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ def plain(element: Element) -> tuple[Any, ...]:
 
 
 @pytest.mark.parametrize("payload", ["0.0", "0.7"])
-def test_the_same_urdf_as_ros_makes(files: Path, payload: str) -> None:
+def test_the_expansion_equals_that_of_ros(files: Path, payload: str) -> None:
     arm = files / "xacro_arm" / "urdf" / "arm.urdf.xacro"
     wanted = xacro.process_file(str(arm), mappings={"payload": payload}).toxml(encoding="utf-8")
     assert plain(expanded(arm, {"payload": payload})) == plain(parse_markup(wanted, "arm"))
 
 
-def test_the_package_is_left_as_it_was(files: Path, tmp_path: Path) -> None:
+def test_the_xacro_package_is_restored(files: Path, tmp_path: Path) -> None:
     before = dict(vars(xacro))
     expanded(files / "xacro_arm" / "urdf" / "arm.urdf.xacro", {})
     assert dict(vars(xacro)) == before
 
 
-def test_the_figures_of_the_robot(files: Path) -> None:
+def test_values_of_the_expanded_robot(files: Path) -> None:
     robot, _ = read_robot(files / "xacro_arm" / "urdf" / "arm.urdf.xacro")
     assert [joint.name for joint in robot.moving_joints] == ["left_upper_joint", "left_lower_joint"]
     assert robot.joints[0].position_limits == pytest.approx((-2 * np.pi / 3, 2 * np.pi / 3))

@@ -18,7 +18,7 @@ slender: Section = Tube(outer_diameter=0.001)
 
 
 def beam_link(section: Section = slender, **keys: object) -> Link:
-    """A link that is a steel beam and nothing else; `keys` are the beam's."""
+    """A link that consists only of a steel beam; `keys` are the beam's."""
     given = {"length": LENGTH, "young": 210e9, "shear": 80e9, "density": 7800.0, "elements": 24, "modes": 6}
     rigid = {key: keys.pop(key) for key in ("mass", "inertia", "center_of_mass") if key in keys}
     return Link(name="link1", beam=Beam(section=section, **{**given, **keys}), **rigid)  # type: ignore[arg-type]

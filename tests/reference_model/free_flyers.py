@@ -44,7 +44,7 @@ def space_robot(duration: float, *, inboard: bool = False, **changes: object) ->
 
 
 def cantilever(**changes: object) -> Robot:
-    """A steel beam on a locked base: one link on a fixed joint, nothing else; `changes` are the beam's."""
+    """A steel beam on a locked base: a single link on a fixed joint; `changes` are the beam's."""
     beam = {
         "length": 2.0,
         "section": {"kind": "rectangle", "width": 0.02, "height": 0.01},

@@ -1,4 +1,4 @@
-"""Joint reactions by Lagrange multipliers: every joint cut, its constraints put back as equations.
+"""Joint reactions by Lagrange multipliers: every joint cut, its constraints added as equations.
 
 Each body moves by itself under M_i vd_i = f_i + (Phi^T lambda)_i, and the joints demand Phi vd = gamma of the
 accelerations of all bodies together: of the twist of the outboard node against the inboard one, all
@@ -42,7 +42,7 @@ BASE = 6
 
 @dataclass(frozen=True)
 class CutMotion:
-    """What the cut system gives, for the bodies but the base in tree order.
+    """Result of the cut system, for all bodies except the base in tree order.
 
     Attributes:
         bodies: their names.

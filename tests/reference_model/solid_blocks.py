@@ -1,4 +1,4 @@
-"""A block of trilinear solid elements: somebody's own finite elements, for the tests of imported bodies."""
+"""A block of trilinear solid elements: external finite elements for the tests of imported bodies."""
 
 from __future__ import annotations
 

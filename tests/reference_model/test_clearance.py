@@ -79,7 +79,7 @@ def test_the_journal_falls_through_its_clearance_and_bounces(run: Callable[[Robo
 
 
 @also_by_exudyn
-def test_at_rest_it_sags_by_the_contact_alone(run: Callable[[Robot], Recording]) -> None:
+def test_at_rest_the_journal_sags_by_the_contact_deformation(run: Callable[[Robot], Recording]) -> None:
     found = run(journal(duration=1.0, rate=100.0, restitution=0.2, stiffness=1e7))
     depth = (MASS * GRAVITY / 1e7) ** (2 / 3)
     np.testing.assert_allclose(height(found)[-1], -1e-3 - depth, rtol=1e-3)
@@ -119,7 +119,7 @@ def arm(joint: str = "joint2", base: str = "fixed", **play: float) -> Robot:
     return Robot.model_validate(data)
 
 
-def test_both_engines_rattle_alike() -> None:
+def test_engines_agree_on_rattling() -> None:
     robot = arm(restitution=0.5, friction=0.1)
     own = reference(robot)
     other = exudyn_model.simulate(robot, sensors=False, step=4e-4)
@@ -132,7 +132,7 @@ def test_both_engines_rattle_alike() -> None:
 
 
 @pytest.mark.proof
-def test_both_engines_rattle_alike_on_a_free_base_and_skew_axes() -> None:
+def test_engines_agree_on_rattling_with_free_base_and_skew_axes() -> None:
     data = rigid().model_dump()
     data |= {"controller": {"kind": "pd", "kp": 400.0, "kd": 40.0}}
     data["joints"][1]["clearance"] = {**PLAY, "restitution": 0.5, "friction": 0.1}
@@ -150,7 +150,7 @@ def test_both_engines_rattle_alike_on_a_free_base_and_skew_axes() -> None:
     assert own["elbow.contact_force"].max() > 50
 
 
-def test_a_small_clearance_is_no_clearance() -> None:
+def test_a_small_clearance_converges_to_the_ideal_joint() -> None:
     ideal = load_robot("two_link_arm").model_dump()
     loose = reference(arm(radial=1e-7, stiffness=1e10, restitution=0.3))
     data = arm().model_dump()
@@ -161,7 +161,7 @@ def test_a_small_clearance_is_no_clearance() -> None:
     np.testing.assert_allclose(loose["joint2.position"], ideal["joint2.position"], atol=1e-5)
 
 
-def test_contact_is_internal() -> None:
+def test_contact_conserves_total_momentum() -> None:
     found = reference(arm(base="free", friction=0.2))
     assert np.ptp(found["joint2_clearance_y.position"]) > 1e-4
     for channel in (name for name in found if "momentum" in name):
@@ -185,7 +185,7 @@ def test_impossible_clearances_are_refused(changes: dict, sentence: str) -> None
         robot_from_toml(tomli_w.dumps(data))
 
 
-def test_only_revolute_joints_have_clearance_and_names_are_kept_free() -> None:
+def test_only_revolute_joints_have_clearance_and_its_names_are_reserved() -> None:
     data = journal().model_dump(exclude_none=True)
     data["joints"][0]["kind"] = "prismatic"
     with pytest.raises(InputError, match="clearance is of revolute joints"):
@@ -198,5 +198,5 @@ def test_only_revolute_joints_have_clearance_and_names_are_kept_free() -> None:
         reference(robot_from_toml(tomli_w.dumps(named)))
 
 
-def test_it_is_written_as_it_is_read() -> None:
+def test_clearance_round_trips_through_a_file() -> None:
     assert robot_from_toml(robot_to_toml(journal())) == journal()

@@ -1,4 +1,4 @@
-"""Compiled C against CasADi's own machine: the same numbers, kept safely, and a note where it cannot be."""
+"""Compiled C against CasADi's own evaluation: same results, safe caching, and a note if unavailable."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def entries(folder: Path) -> list[Path]:
 
 
 @needs_compiler
-def test_compiled_functions_give_the_same_numbers(cache: Path) -> None:
+def test_compiled_functions_give_the_same_results(cache: Path) -> None:
     code = compiled([example("one"), example("two")])
     assert "compiled by" in code.note
     for function in code.functions:
@@ -71,7 +71,7 @@ def test_compiled_functions_give_the_same_numbers(cache: Path) -> None:
 
 
 @needs_compiler
-def test_code_in_pieces_gives_the_same_numbers(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_in_pieces_gives_the_same_results(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = random_robot(5, base="free", kinds=["revolute", "prismatic", "revolute"])
     plant = Plant(robot)
     time, state = ca.SX.sym("t"), ca.SX.sym("x", plant.layout.size)
@@ -88,7 +88,7 @@ def test_code_in_pieces_gives_the_same_numbers(cache: Path, monkeypatch: pytest.
             np.testing.assert_allclose(found.full(), wanted.full(), atol=1e-15 * np.abs(wanted.full()).max())
 
 
-def test_pieces_pass_on_what_later_ones_read() -> None:
+def test_pieces_pass_values_to_later_pieces() -> None:
     head = "static int casadi_f0(const casadi_real** arg, casadi_real** res, casadi_int* iw, "
     head += "casadi_real* w, int mem) {"
     body = ["  casadi_real a0, a1;", "  a0=arg[0]? arg[0][0] : 0;", "  a1=(2.*a0);", "  a0=(a0+a1);"]
@@ -103,7 +103,7 @@ def test_pieces_pass_on_what_later_ones_read() -> None:
 
 
 @needs_compiler
-def test_a_second_time_nothing_is_compiled(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_call_uses_the_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     compiled([example()])
     monkeypatch.setattr(module, "_made", lambda *_: pytest.fail("compiled again"))
     assert "compiled by" in compiled([example()]).note
@@ -136,9 +136,9 @@ def test_two_processes_at_once(cache: Path) -> None:
         subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) for _ in range(2)
     ]
     for run in runs:
-        told, _ = run.communicate()
-        assert "compiled by" in told
-        assert told.strip().endswith("1.0")
+        output, _ = run.communicate()
+        assert "compiled by" in output
+        assert output.strip().endswith("1.0")
     assert len([path for path in entries(cache) if path.suffix == ".so"]) >= 1
     assert not [path for path in entries(cache) if path.is_dir()]
 
@@ -177,7 +177,7 @@ def test_a_compiler_that_fails_is_noted(cache: Path, tmp_path: Path, monkeypatch
 
 @needs_compiler
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="POSIX permissions")
-def test_code_is_not_loaded_from_where_others_can_write(cache: Path, tmp_path: Path) -> None:
+def test_code_is_not_loaded_from_folders_writable_by_others(cache: Path, tmp_path: Path) -> None:
     cache.mkdir(mode=0o700)
     cache.chmod(0o777)
     assert "not this user's alone" in compiled([example()]).note
@@ -202,7 +202,7 @@ def test_long_recordings_are_evaluated_by_compiled_code(
     batched, plain = Batched(function), Batched(function)
     points = np.random.default_rng(1).normal(size=(EARNS_AFTER // 2 + BLOCK + 3, 2))
     (first,) = batched(points)
-    assert "own machine" in batched.note
+    assert "virtual machine" in batched.note
     (second,) = batched(points)
     assert "compiled by" in batched.note
     np.testing.assert_array_equal(first, second)
@@ -210,7 +210,9 @@ def test_long_recordings_are_evaluated_by_compiled_code(
 
 
 @pytest.mark.parametrize("as_c", [False, pytest.param(True, marks=needs_compiler)])
-def test_processors_share_long_calls(cache: Path, monkeypatch: pytest.MonkeyPatch, as_c: bool) -> None:
+def test_long_calls_are_distributed_over_processors(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, as_c: bool
+) -> None:
     """Every sample is what it is without them, those of the rest and those of a common row too."""
     monkeypatch.setattr(batches, "EARNS_AFTER", 0 if as_c else np.inf)
     x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 3)
@@ -274,7 +276,7 @@ def test_a_long_motion_of_flexible_links_is_followed_by_compiled_code(
 
 @needs_compiler
 @pytest.mark.parametrize("sample_time", [0.0, 0.01])
-def test_a_compiled_simulation_is_the_same(cache: Path, sample_time: float) -> None:
+def test_a_compiled_simulation_gives_the_same_recording(cache: Path, sample_time: float) -> None:
     robot = load_robot("two_link_arm")
     assert robot.reference is not None
     data = robot.model_dump()
@@ -291,7 +293,7 @@ def test_a_compiled_simulation_is_the_same(cache: Path, sample_time: float) -> N
 
 
 @needs_compiler
-def test_tuned_code_gives_the_same_numbers_under_another_key(cache: Path) -> None:
+def test_tuned_code_gives_the_same_results_under_another_key(cache: Path) -> None:
     plain, tuned = compiled([example()]), compiled([example()], tuned=True)
     assert plain.library != tuned.library
     for one, other in zip(values(plain.functions[0]), values(tuned.functions[0])):
@@ -299,7 +301,7 @@ def test_tuned_code_gives_the_same_numbers_under_another_key(cache: Path) -> Non
 
 
 @needs_compiler
-def test_tuned_code_of_another_processor_is_not_taken(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tuned_code_of_another_processor_is_not_used(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = compiled([example()], tuned=True).library
     monkeypatch.setattr(module, "_processor", lambda path: "another")
     second = compiled([example()], tuned=True).library
@@ -309,9 +311,7 @@ def test_tuned_code_of_another_processor_is_not_taken(cache: Path, monkeypatch: 
 
 
 @needs_compiler
-def test_a_compiler_that_knows_no_tuning_compiles_all_the_same(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_compiler_without_tuning_flags_still_compiles(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "TUNED", ("-march=no-such-processor",))
     module._processor.cache_clear()
     code = compiled([example()], tuned=True)

@@ -1,4 +1,4 @@
-"""The explicit integrator in compiled code: the motion that CVODES finds, as exactly as it was asked for."""
+"""The explicit integrator in compiled code: agreement with CVODES to the requested tolerance."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def largest_difference(one: Recording, other: Recording) -> float:
     )
 
 
-def test_an_oscillator_swings_as_its_closed_form_says() -> None:
+def test_an_oscillator_follows_its_closed_form() -> None:
     time = np.linspace(0.0, 10.0, 1001)
     states = ready(slider())(time, rtol=1e-10, atol=1e-12)
     w = np.sqrt(STIFFNESS / MASS)
@@ -87,7 +87,7 @@ def test_its_error_follows_the_tolerance() -> None:
     assert 1.5 < steps[2] / steps[1] < 4.0
 
 
-def test_between_its_steps_it_is_as_exact_as_at_their_ends() -> None:
+def test_dense_output_is_as_accurate_as_the_steps() -> None:
     run = ready(slider())
     coarse, fine = np.linspace(0.0, 4.0, 3), np.linspace(0.0, 4.0, 4001)
     run(coarse, rtol=1e-8, atol=1e-10)
@@ -100,7 +100,7 @@ def test_between_its_steps_it_is_as_exact_as_at_their_ends() -> None:
 
 
 @pytest.mark.parametrize("name", ["two_link_arm", "flexible_space_robot"])
-def test_it_finds_what_cvodes_finds(name: str) -> None:
+def test_it_agrees_with_cvodes(name: str) -> None:
     robot = short(name).model_copy(update={"effects": ()})
     ours = simulate(robot, sensors=False, integrator="explicit", rtol=1e-10, atol=1e-12)
     theirs = simulate(robot, sensors=False, rtol=1e-11, atol=1e-13)
@@ -109,7 +109,7 @@ def test_it_finds_what_cvodes_finds(name: str) -> None:
     assert largest_difference(ours, theirs) < 1e-6
 
 
-def test_bristles_take_more_steps_and_the_same_path() -> None:
+def test_bristles_need_more_steps_for_the_same_trajectory() -> None:
     friction = {"effect": "lugre_friction", "at": "rail", "coulomb_torque": 1.0, "static_torque": 1.5}
     friction |= {"stribeck_velocity": 0.05, "bristle_stiffness": 2e3, "bristle_damping": 10.0}
     robot = slider(effects=[friction])
@@ -118,7 +118,7 @@ def test_bristles_take_more_steps_and_the_same_path() -> None:
     assert np.abs(ours["rail.position"] - theirs["rail.position"]).max() < 1e-7
 
 
-def test_one_run_leaves_nothing_behind_for_the_next() -> None:
+def test_runs_are_independent() -> None:
     run, time = ready(slider()), np.linspace(0.0, 4.0, 101)
     first = run(time, rtol=1e-6, atol=1e-8)
     run(time, rtol=1e-3, atol=1e-3)
@@ -131,7 +131,7 @@ def test_a_diverging_motion_is_refused_with_time_and_state() -> None:
         simulate(robot, sensors=False, integrator="explicit")
 
 
-def test_what_it_cannot_do_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_unsupported_runs_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     sampled = {"kind": "pd", "kp": 1.0, "sample_time": 0.01}
     with pytest.raises(InputError, match="continuous controllers"):
         simulate(slider(controller=sampled), integrator="explicit")

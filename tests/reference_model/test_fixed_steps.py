@@ -1,4 +1,4 @@
-"""Steps of fixed length: their order, closed forms of the bristles, and loops of one's own."""
+"""Steps of fixed length: their order, closed forms of the bristles, and user loops."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_bristles_follow_the_closed_form_at_constant_speed(length: float) -> Non
     assert found == pytest.approx(wanted, rel=1e-7)  # the floor of the friction level, 1e-9 N
 
 
-def test_a_step_far_longer_than_the_bristles_time_is_stable() -> None:
+def test_a_step_far_longer_than_the_bristle_time_constant_is_stable() -> None:
     """Bristles that settle within 10 us of sliding, and a step of 5 ms."""
     stiff = {**LUGRE, "bristle_stiffness": 5e6, "bristle_damping": 0.0, "at": "joint1"}
     robot = manoeuvre("flexible_space_robot", [stiff])
@@ -114,7 +114,7 @@ def test_a_step_far_longer_than_the_bristles_time_is_stable() -> None:
     np.testing.assert_allclose(friction, level, rtol=0.05)  # half a step's change of the speed
 
 
-def test_a_loop_of_ones_own_is_the_simulation() -> None:
+def test_a_user_loop_reproduces_the_simulation() -> None:
     """Under commands held over each step, with the controller's instants at every second step."""
     robot = manoeuvre("two_link_arm", [{**LUGRE, "at": "joint1"}], controller={"sample_time": 0.002})
     stepper = Stepper(robot, compile_code=False)
@@ -133,7 +133,7 @@ def test_a_loop_of_ones_own_is_the_simulation() -> None:
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
-def test_compiled_steps_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiled_steps_give_the_same_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = manoeuvre("two_link_arm", [{**LUGRE, "at": "joint1"}])
     plain = simulate(robot, sensors=False, step=2e-3)
     own = Stepper(robot, compile_code=False)
@@ -150,7 +150,7 @@ def test_compiled_steps_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyP
     )
 
 
-def test_a_table_can_be_followed() -> None:
+def test_a_table_reference_is_supported() -> None:
     times = np.linspace(0, 1.0, 21)
     joints = [
         {

@@ -123,7 +123,7 @@ def test_strain_of_a_load_at_the_tip(place: float) -> None:
         assert strain == pytest.approx(exact / beam.young, rel=1e-8, abs=1e-12)
 
 
-def test_a_rectangle_is_the_general_section_of_its_figures() -> None:
+def test_a_rectangle_equals_the_general_section_with_its_properties() -> None:
     area, torsion, second_y, second_z = FLAT.figures
     general = GeneralSection(
         area=area, torsion_constant=torsion, second_moment_y=second_y, second_moment_z=second_z
@@ -187,7 +187,7 @@ def test_no_mode_up_to_a_frequency() -> None:
         body_of(modes=None, highest_frequency=1e-3)
 
 
-def test_as_many_ratios_as_modes_that_are_kept() -> None:
+def test_damping_ratios_must_match_the_kept_modes() -> None:
     with pytest.raises(InputError, match="damping_ratio has 5 entries, but 2 modes are kept"):
         body_of(modes=None, highest_frequency=1.0, damping_ratio=(0.1,) * 5)
 

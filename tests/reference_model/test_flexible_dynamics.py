@@ -1,4 +1,4 @@
-"""The flexible robot: both directions of the dynamics, and what no internal force can change."""
+"""The flexible robot: forward and inverse dynamics, and conserved quantities."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def motion_of(model: RobotModel, seed: int) -> tuple[BaseMotion, InnerMotion]:
 
 
 @pytest.mark.parametrize("name", ["flexible_space_robot", "flexible_space_robot_planar"])
-def test_forward_undoes_inverse(name: str) -> None:
+def test_forward_dynamics_inverts_inverse_dynamics(name: str) -> None:
     model = RobotModel(load_robot(name))
     base, inner = motion_of(model, seed=1)
     chance = np.random.default_rng(2)
@@ -55,7 +55,7 @@ def test_forward_undoes_inverse(name: str) -> None:
     assert np.abs(back - wanted).max() < 1e-10 * 1e4
 
 
-def test_free_flight_keeps_its_momentum() -> None:
+def test_free_flight_conserves_momentum() -> None:
     recording = simulate(load_robot("flexible_space_robot"), sensors=False)
     for axis in "xyz":
         # 30 kg and 74 kg at up to 1 m/s: 100 N s, 1e3 N m s; the tolerance is that of the integration

@@ -1,4 +1,4 @@
-"""Bodies of somebody's own finite elements: a beam by way of a file, and a solid block."""
+"""Bodies from external finite elements: a beam in a file, and a solid block."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def block_body(tmp_path: Path, **keys: object) -> FlexibleBody:
 
 @pytest.mark.parametrize("boundary", ["clamped", "free"])
 @pytest.mark.parametrize("dense", [True, False])
-def test_a_beam_by_way_of_a_file_is_the_same_body(tmp_path: Path, boundary: str, dense: bool) -> None:
+def test_an_imported_beam_equals_the_described_one(tmp_path: Path, boundary: str, dense: bool) -> None:
     section = Rectangle(width=0.02, height=0.013)
     tip = TipBody(mass=1.0, inertia=(0.02, 0.03, 0.04))
     keys = {"modes": 8, "boundary": boundary, "damping_ratio": 0.01}
@@ -190,7 +190,7 @@ def test_kinetic_energy_of_a_deformed_solid(tmp_path: Path) -> None:
             assert kinetic_energy_from(body, x, rates) == pytest.approx(expected, rel=1e-11)
 
 
-def test_what_conservation_asks_of_the_integrals() -> None:
+def test_integrals_satisfy_the_conservation_identities() -> None:
     """E_j - E_j^T = (S1_j - P_j)~, F_jl - F_lj = h_jl~ and D_jl = -D_lj, else f2 and f3 of docs/theory.md 2
     are not the derivatives of one kinetic energy; they hold for any mass matrix."""
     random = np.random.default_rng(3)
@@ -245,7 +245,7 @@ def test_a_hub_is_added(tmp_path: Path) -> None:
     assert body.inertia - alone.inertia == pytest.approx(np.diag([0.1, 0.2, 0.3]))
 
 
-def test_a_file_that_changes_is_read_anew(tmp_path: Path) -> None:
+def test_a_changed_file_is_read_again(tmp_path: Path) -> None:
     block = Block()
     path = save(tmp_path / "block.npz", block.nodes, *block.matrices)
     link = imported(path, root=FACE)
@@ -294,7 +294,7 @@ def test_more_modes_than_the_mesh_has(block_file: Path) -> None:
         flexible_body(imported(block_file, root=FACE, modes=200))
 
 
-def test_a_body_that_is_held_already(tmp_path: Path) -> None:
+def test_a_body_that_is_not_free_is_refused(tmp_path: Path) -> None:
     block = Block()
     mass, stiffness = block.matrices
     held = stiffness.tolil()
@@ -305,7 +305,7 @@ def test_a_body_that_is_held_already(tmp_path: Path) -> None:
     )
 
 
-def test_masses_that_differ_by_direction(tmp_path: Path) -> None:
+def test_direction_dependent_masses_are_refused(tmp_path: Path) -> None:
     block = Block()
     mass, stiffness = (matrix.toarray() for matrix in block.matrices)
     order = np.arange(len(mass)).reshape(-1, 3).T.ravel()  # all x, then all y, then all z
@@ -318,7 +318,7 @@ def test_masses_that_differ_by_direction(tmp_path: Path) -> None:
     assert "must be one and the same mass" in refusal(tmp_path / "m.npz", root=FACE)
 
 
-def test_a_mechanism(tmp_path: Path) -> None:
+def test_a_mechanism_is_refused(tmp_path: Path) -> None:
     """Two blocks that do not touch: the second one floats, though the whole has no other rigid motion."""
     block = Block()
     mass, stiffness = (matrix.toarray() for matrix in block.matrices)

@@ -91,7 +91,7 @@ def test_integrals_are_the_node_sums(link: Link) -> None:
 
 
 @pytest.mark.parametrize("link", bodies(), ids=["tube", "skewed", "free"])
-def test_what_is_attached_to_a_node_turns_with_it(link: Link) -> None:
+def test_a_body_attached_to_a_node_rotates_with_it(link: Link) -> None:
     inertia = np.array([[0.03, 0.004, 0.0], [0.004, 0.02, -0.003], [0.0, -0.003, 0.025]])
     body = attached(flexible_body(link), 3, 0.8, np.zeros(3), inertia)
     for name, expected in node_sums(body).items():
@@ -100,7 +100,7 @@ def test_what_is_attached_to_a_node_turns_with_it(link: Link) -> None:
 
 
 @pytest.mark.parametrize("link", bodies(), ids=["tube", "skewed", "free"])
-def test_nothing_in_a_cached_body_can_be_written(link: Link) -> None:
+def test_a_cached_body_is_read_only(link: Link) -> None:
     body = flexible_body(link)
     arrays = [getattr(body, field.name) for field in dataclasses.fields(body)]
     assert not [a for a in arrays if isinstance(a, np.ndarray) and a.flags.writeable]
@@ -131,7 +131,7 @@ def test_a_hub_does_not_take_part_in_clamped_modes() -> None:
         assert np.array_equal(getattr(body, name), getattr(alone, name))
 
 
-def test_what_a_clamped_root_does() -> None:
+def test_modes_vanish_at_a_clamped_root() -> None:
     body = flexible_body(beam_link())
     assert not body.translations[body.root].any()
     assert not body.rotations[body.root].any()

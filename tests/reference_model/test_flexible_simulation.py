@@ -1,4 +1,4 @@
-"""The closed loop of flexible robots: what no internal force can change, closed forms, limits."""
+"""The closed loop of flexible robots: conserved quantities, closed forms, limits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def moved_by_nothing(recording: Recording, tolerance: float) -> None:
 
 
 @pytest.mark.parametrize("inboard", [False, pytest.param(True, marks=pytest.mark.proof)])
-def test_control_friction_and_bending_leave_momentum_and_energy_balance_alone(inboard: bool) -> None:
+def test_control_friction_and_bending_conserve_momentum_and_energy_balance(inboard: bool) -> None:
     robot = space_robot(3.0, inboard=inboard, effects=FRICTION)
     # the drift is of the size of the integration's tolerance; 1e-11 was seen
     moved_by_nothing(simulate(robot, sensors=False, work=True, rtol=1e-10, atol=1e-12), 1e-9)
@@ -104,7 +104,7 @@ def turned(attitude: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return vectors + 2 * np.cross(v, np.cross(v, vectors) + w * vectors)
 
 
-def test_lagranges_top_precesses_steadily_where_it_should() -> None:
+def test_lagranges_top_precesses_steadily_at_the_analytic_rate() -> None:
     """Precession p at spin s: (I1 - I3) p^2 cos(tilt) - I3 s p + m g l = 0, the slower of its two roots."""
     mass, arm, gravity, tilt, spin = 2.0, 0.3, 9.81, 0.6, 120.0
     first, third = 0.02 + mass * arm**2, 0.03
@@ -127,7 +127,7 @@ def test_lagranges_top_precesses_steadily_where_it_should() -> None:
     np.testing.assert_allclose(angle, slow * found.time, atol=1e-6)
 
 
-def test_a_cantilever_settles_where_the_books_say() -> None:
+def test_a_cantilever_settles_at_the_analytic_deflection() -> None:
     """Tip P L^3/3EI + q L^4/8EI, strain at the root (P L + q L^2/2) c/EI (Roark, table 8.1)."""
     robot = cantilever()
     link = robot.link("link1")
@@ -145,7 +145,7 @@ def test_a_cantilever_settles_where_the_books_say() -> None:
     assert np.abs(axes(found, "link1.tip_acceleration")[-1]).max() < 1e-6
 
 
-def test_a_cantilever_rings_at_its_first_frequency() -> None:
+def test_a_cantilever_vibrates_at_its_first_frequency() -> None:
     robot = cantilever(damping_ratio=0.0, modes=1, tip={"mass": 5.0})
     reference = {"duration": 10.0, "sample_rate": 100.0}
     found = simulate(Robot.model_validate({**robot.model_dump(), "reference": reference}), sensors=False)
@@ -162,7 +162,7 @@ def heave(robot: Robot) -> float:
     return float(body.translations[body.tip, 2, 0] * body.S0[2, 0])
 
 
-def test_stiffer_links_come_nearer_to_the_rigid_robot_as_one_over_the_stiffness() -> None:
+def test_links_converge_to_the_rigid_robot_with_the_inverse_of_their_stiffness() -> None:
     rigid = simulate(undeformed(space_robot(2.0)), sensors=False, rtol=1e-10, atol=1e-12)
     errors = []
     for factor in (1e2, 1e4):
@@ -192,7 +192,7 @@ def test_a_payload_on_a_node_is_a_heavier_tip_when_all_modes_are_kept() -> None:
     np.testing.assert_allclose(np.sqrt(squares), heavy.frequencies, rtol=1e-6)
 
 
-def test_an_unknown_payload_bends_the_link_it_sits_on() -> None:
+def test_a_payload_effect_bends_its_flexible_link() -> None:
     use = EffectUse.model_validate({"effect": "payload", "at": "link1", "mass": 0.5, "x": 2.0})
     light, heavy = cantilever(), cantilever(tip={"mass": 1.0})
     found = simulate(light.with_effects(use), sensors=False)["link1.tip_deflection.z"][-1]
@@ -214,7 +214,7 @@ def test_channels_of_flexible_links_and_their_sensors() -> None:
         assert 0.5 < gap.std() / measured.noise[channel] < 2
 
 
-def test_a_simulation_that_cannot_go_on_says_where_its_links_and_balls_were() -> None:
+def test_a_failed_simulation_reports_the_state_of_links_and_spherical_joints() -> None:
     given = space_robot(1.0).model_dump(exclude_none=True)
     for joint in given["joints"]:
         joint["initial_velocity"] = 1e5

@@ -1,4 +1,4 @@
-"""Foreshortening of a bent beam, and with it the stiffness that a spinning beam gains."""
+"""Foreshortening of a bent beam, and the resulting stiffening of a spinning beam."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_a_tip_force_shortens_the_beam() -> None:
     assert x @ body.foreshortening[2] @ x / 2 == pytest.approx(exact, rel=1e-8)
 
 
-def test_it_grows_from_the_root_and_is_the_same_both_ways_round() -> None:
+def test_foreshortening_grows_from_the_root_and_is_symmetric() -> None:
     found = stiff_body(elements=6, modes=12).foreshortening
     assert found is not None
     assert not found[0].any()
@@ -111,7 +111,7 @@ def test_it_grows_from_the_root_and_is_the_same_both_ways_round() -> None:
     assert np.linalg.eigvalsh(np.diff(found, axis=0)).min() > -1e-12 * np.abs(found).max()
 
 
-def test_none_without_the_switch() -> None:
+def test_no_foreshortening_without_the_switch() -> None:
     body = flexible_body(beam_link())
     assert body.foreshortening is None
     assert body.axis is None

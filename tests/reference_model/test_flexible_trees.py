@@ -34,14 +34,14 @@ def close(value: np.ndarray, wanted: np.ndarray, tolerance: float = ROUNDING) ->
 
 @few
 @given(trees())
-def test_forward_undoes_inverse(case: Case) -> None:
+def test_forward_dynamics_inverts_inverse_dynamics(case: Case) -> None:
     force = case.model.inverse_dynamics(*case.motion, **case.given)
     close(case.forward(force), case.generalised_acceleration)
 
 
 @few
 @given(trees())
-def test_the_minimal_form_is_the_recursive_one(case: Case) -> None:
+def test_the_minimal_form_equals_the_recursive_one(case: Case) -> None:
     matrix, forces = case.model.minimal_form(case.position, case.velocity, **case.given)
     close(case.model.mass_matrix(case.position, **case.given), matrix)
     force = case.model.inverse_dynamics(*case.motion, **case.given)
@@ -84,7 +84,7 @@ def test_the_moment_about_the_axis_is_the_joint_torque_and_modal_rows_close(case
 
 @few
 @given(trees())
-def test_velocities_are_derivatives_of_places_and_accelerations_of_velocities(case: Case) -> None:
+def test_velocities_and_accelerations_are_derivatives_of_positions(case: Case) -> None:
     """Of every body: dr/dt = A v, dA/dt = A om~, and d/dt (A v) = A a, d(om)/dt = alpha, exactly."""
     symbols = symbols_of(case)
     states = symbols.robot.mechanism.states
@@ -109,7 +109,7 @@ def test_velocities_are_derivatives_of_places_and_accelerations_of_velocities(ca
 
 @few
 @given(trees())
-def test_nodes_move_by_the_derivatives_of_their_places(case: Case) -> None:
+def test_node_velocities_are_derivatives_of_their_positions(case: Case) -> None:
     """dr/dt = R v and d/dt (R v) = R a of every flexible body's tip; R is a rotation."""
     symbols = symbols_of(case)
     robot = symbols.robot
@@ -151,7 +151,7 @@ def test_energy_changes_by_the_power_of_the_forces(case: Case) -> None:
 
 @few
 @given(trees(base=("free",), gravity=False))
-def test_momentum_changes_by_the_wrench_on_the_base_alone(case: Case) -> None:
+def test_only_the_wrench_on_the_base_changes_momentum(case: Case) -> None:
     """Whatever acts inside: dp/dt = F_0, dL/dt about the centre of mass = N_0 + (r_0 - c) x F_0."""
     symbols = symbols_of(case)
     mechanism = symbols.robot.mechanism
@@ -172,7 +172,7 @@ def test_momentum_changes_by_the_wrench_on_the_base_alone(case: Case) -> None:
 
 @few
 @given(trees())
-def test_kinetic_energy_two_ways(case: Case) -> None:
+def test_kinetic_energy_from_bodies_equals_that_of_the_mass_matrix(case: Case) -> None:
     energy = case.model.energies(case.position, case.velocity, **case.given)[:, 0]
     matrix = case.model.mass_matrix(case.position, **case.given)
     close(energy, np.einsum("ni,nij,nj->n", case.speed, matrix, case.speed) / 2)
@@ -284,7 +284,7 @@ def test_foreshortening_agrees_with_shortened_nodes_to_second_order() -> None:
     assert errors[0][2] / errors[1][2] > 0.9 * 1e2
 
 
-def test_an_undeformed_body_at_rest_in_its_modes_is_a_rigid_one() -> None:
+def test_an_undeformed_body_equals_a_rigid_one() -> None:
     robot = load_robot("flexible_space_robot")
     model, rigid = RobotModel(robot), RobotModel(undeformed(robot))
     case = random_flexible_case(2, base="free", kinds=["revolute", "revolute"], modes=[0, 0])
@@ -292,7 +292,7 @@ def test_an_undeformed_body_at_rest_in_its_modes_is_a_rigid_one() -> None:
     close(force[:, :8], rigid.inverse_dynamics(*case.motion, base=case.base), 1e-12)
 
 
-def test_a_heavy_base_is_a_fixed_base() -> None:
+def test_a_heavy_free_base_converges_to_a_fixed_base() -> None:
     trees_of = {"kinds": ["revolute", "spherical"], "modes": [2, 3], "gravity": False}
     fixed = random_flexible_case(5, base="fixed", **trees_of)
     free = random_flexible_case(5, base="free", **trees_of)

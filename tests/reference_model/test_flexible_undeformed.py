@@ -1,4 +1,4 @@
-"""The rigid robot that a controller takes a flexible one for."""
+"""The rigid model that a controller uses for a flexible robot."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_lumped_beam_is_nearly_the_continuous_one() -> None:
     assert about_root == pytest.approx(wanted, rel=1e-3)
 
 
-def test_rigid_robots_are_left_alone_and_the_others_keep_everything_else() -> None:
+def test_rigid_robots_are_unchanged_and_others_change_only_their_flexible_links() -> None:
     arm = load_robot("two_link_arm")
     assert undeformed(arm) is arm
     flexible = load_robot("flexible_space_robot")
@@ -49,7 +49,7 @@ def test_rigid_robots_are_left_alone_and_the_others_keep_everything_else() -> No
     )
 
 
-def test_the_load_moment_is_what_the_bearings_make_of_forces_and_moment() -> None:
+def test_the_load_moment_follows_from_bearing_forces_and_moment() -> None:
     """W lies between the radial force alone and force and couple added: R_1,2 = F/2 +- c as vectors."""
     robot = undeformed(load_robot("flexible_space_robot"))
     reference = robot.reference.model_copy(update={"duration": 5.0, "sample_rate": 50.0})

@@ -1,4 +1,4 @@
-"""Forward dynamics one state at a time: the numbers of whole arrays, and arguments that are read in place."""
+"""Forward dynamics one state at a time: agreement with array evaluation, and arguments read in place."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KINDS = ["revolute", "prismatic", "revolute"]
 
 
 @pytest.mark.parametrize("base", ["fixed", "free"])
-def test_it_gives_what_the_model_gives_for_arrays(base: str) -> None:
+def test_it_agrees_with_the_array_evaluation(base: str) -> None:
     robot = random_robot(2, base=base, kinds=KINDS)
     case, own = random_case(robot, 7), ForwardDynamics(robot)
     rows = case.model.forward_dynamics(case.position, case.velocity, case.acceleration, base=case.base)
@@ -32,7 +32,7 @@ def test_it_gives_what_the_model_gives_for_arrays(base: str) -> None:
         assert np.allclose(own.acceleration, expected, rtol=1e-10, atol=1e-10)
 
 
-def test_results_stand_in_one_array_and_copies_are_made_by_single_only() -> None:
+def test_evaluate_reuses_one_array_and_only_single_copies() -> None:
     function = forward_function(random_robot(3, base="fixed", kinds=KINDS))
     own, copied = InPlace(function), Single(function)
     before = own.outputs[0]
@@ -45,7 +45,7 @@ def test_results_stand_in_one_array_and_copies_are_made_by_single_only() -> None
     assert copied(*own.inputs)[0] is not first
 
 
-def test_what_is_evaluated_lives_as_long_as_the_call() -> None:
+def test_evaluate_keeps_its_arrays_alive() -> None:
     own = ForwardDynamics(random_robot(2, base="fixed", kinds=KINDS))
     evaluate, force, acceleration = own.evaluate, own.force, own.acceleration
     del own

@@ -1,4 +1,4 @@
-"""Bearing loads of one and of two bearings, and the moment W that they make for friction."""
+"""Loads of one and of two bearings, and the resulting friction moment W."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_two_bearings_balance_force_and_moment(numbers: list[float], seed: int) 
     assert load(wrench, PAIR, axis)["radial_sum"] == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
 
-def test_what_two_bearings_carry_in_the_plain_cases() -> None:
+def test_loads_of_two_bearings_in_simple_cases() -> None:
     axis = np.array([0.0, 0.0, 1.0])
     # Force alone is shared and adds up to itself; a couple alone is N/b at each bearing.
     assert load(np.array([3.0, 4, 9, 0, 0, 0]), PAIR, axis)["radial_sum"] == pytest.approx(5.0, abs=1e-8)
@@ -64,7 +64,7 @@ def test_what_two_bearings_carry_in_the_plain_cases() -> None:
 
 @settings(max_examples=50)
 @given(numbers, st.integers(0, 1000))
-def test_two_bearings_never_carry_more_than_the_scalar_sum(numbers: list[float], seed: int) -> None:
+def test_two_bearing_loads_never_exceed_the_scalar_sum(numbers: list[float], seed: int) -> None:
     single = PAIR.model_copy(update={"span": None, "bending_arm": SPAN / 2})
     wrench, axis = np.array(numbers), unit(seed)
     pair, scalar = load(wrench, PAIR, axis), load(wrench, single, axis)
@@ -72,7 +72,7 @@ def test_two_bearings_never_carry_more_than_the_scalar_sum(numbers: list[float],
     assert larger - 1e-6 <= pair["radial_sum"] <= scalar["radial_sum"] + 1e-6  # rounding of up to 1e4 N
 
 
-def test_a_guide_carries_the_moment_about_its_axis_over_the_bending_arm() -> None:
+def test_axial_moment_of_a_guide_enters_through_the_bending_arm() -> None:
     axis = np.array([1.0, 0.0, 0.0])
     bearing = Bearing(radial_arm=1.0, span=SPAN, bending_arm=0.02)
     found = load(np.array([50.0, 3, 4, 2, 0, 0]), bearing, axis, kind="prismatic")

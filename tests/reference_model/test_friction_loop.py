@@ -1,4 +1,4 @@
-"""The loop of bearing loads and friction: how fast it closes, and what is said when it does not."""
+"""The loop of bearing loads and friction: its convergence, and the error if it does not converge."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def residuals(robot: Robot, states: int = 30, violence: float = 5.0) -> np.ndarr
 
 
 @pytest.mark.parametrize("base", ["fixed", "free"])
-def test_the_passes_close_the_loop_at_violent_states(base: str) -> None:
+def test_newton_passes_converge_at_extreme_states(base: str) -> None:
     # Coefficients of dry steel; the loop is asked for 1e-10 and left with rounding.
     assert residuals(loaded(["revolute"] * 4, 0.5, base=base)).max() < 1e-13
 
@@ -71,14 +71,14 @@ def test_a_loop_with_known_contraction() -> None:
     assert float(ca.evalf(found)) == pytest.approx((a + m * b) / (1 + m), rel=1e-14)
 
 
-def test_only_what_depends_on_its_own_consequence_is_solved_for() -> None:
+def test_only_implicit_forces_are_solved_for() -> None:
     many = Plant(loaded(["revolute"] * 4, 0.3)).rate.n_instructions()
     one = Plant(loaded(["revolute"] * 4, 0.3, joints=1)).rate.n_instructions()
     none = Plant(loaded(["revolute"] * 4, 0.3, joints=0)).rate.n_instructions()
     assert none < one < (none + many) / 2
 
 
-def test_forces_that_are_known_enter_the_loop_of_the_others() -> None:
+def test_explicit_forces_enter_the_loop_of_implicit_ones() -> None:
     seen = Affine(ca.SX([1.0, 2.0]), ca.SX([[0.3, 0.1], [0.2, 0.5]]))
     found = ca.evalf(fixed_point(lambda y: ca.vertcat(7.0, ca.sin(y[0] + y[1])), seen)).full().ravel()
     x = found[1]
@@ -93,7 +93,7 @@ def test_the_residual_is_reported() -> None:
     assert "robot.loop_residual" not in free.channels
 
 
-def test_a_loop_that_does_not_close_is_refused() -> None:
+def test_a_diverging_loop_is_refused() -> None:
     robot = loaded(["revolute"] * 2, 1.0)
     data = robot.model_dump()
     for joint in data["joints"]:  # arms of two metres, so that friction exceeds what causes it

@@ -1,4 +1,4 @@
-"""What LuGre friction is published for: break-away, pre-sliding, lag, Stribeck curve, passivity."""
+"""Published properties of LuGre friction: break-away, pre-sliding, lag, Stribeck curve, passivity."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def pulled(rate: float):
     return simulate(robot, sensors=False)
 
 
-def test_friction_rises_to_the_static_level_and_falls_and_less_so_for_faster_forces() -> None:
+def test_break_away_friction_decreases_with_the_force_rate() -> None:
     peaks = []
     for rate in (0.5, 2.0, 5.0, 10.0):
         recording = pulled(rate)
@@ -64,7 +64,7 @@ def test_friction_rises_to_the_static_level_and_falls_and_less_so_for_faster_for
 
 
 @pytest.mark.parametrize("amplitude", [3e-6, 1e-5, 5e-5])
-def test_presliding_loops_close_and_hold_dahls_area(amplitude: float) -> None:
+def test_presliding_loops_close_with_dahls_area(amplitude: float) -> None:
     """Between -A and A at a constant level F_c: area 4 F_c (A - F_m/s0), F_m = F_c tanh(s0 A / F_c)."""
     time = np.linspace(0, 16, 32001)
     position = amplitude * np.sin(2 * np.pi * time)
@@ -126,7 +126,7 @@ def test_steady_sliding_is_the_stribeck_curve() -> None:
         assert force[-1] == pytest.approx(level, rel=1e-6)
 
 
-def test_no_cycle_gains_energy_in_closed_loop_with_the_load() -> None:
+def test_no_cycle_generates_energy_in_the_loop_with_the_load() -> None:
     """A block dragged to and fro: over every period friction takes work out."""
     mu = 0.1
     robot = block(

@@ -1,4 +1,4 @@
-"""The friction of the shipped flexible robots: the law of the surfaces, and what it does in their motion."""
+"""The friction of the shipped flexible robots: the law in surface coordinates, and its effect in motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROBOTS = ("flexible_space_robot", "flexible_space_robot_planar")
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_the_numbers_are_those_of_the_surfaces(name: str) -> None:
+def test_shipped_parameters_follow_from_surface_coefficients(name: str) -> None:
     robot = load_robot(name)
     for joint in robot.moving_joints:
         bearing = joint.bearing
@@ -39,7 +39,7 @@ def test_the_numbers_are_those_of_the_surfaces(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_in_motion_friction_is_the_level_of_load_and_preload(name: str) -> None:
+def test_sliding_friction_is_the_level_of_load_and_preload(name: str) -> None:
     robot = load_robot(name)
     reference = robot.reference.model_copy(update={"duration": 12.0, "sample_rate": 100.0})
     robot = Robot.model_validate({**robot.model_dump(), "sensors": (), "reference": reference.model_dump()})

@@ -1,4 +1,4 @@
-"""Stick-slip and hunting: limit cycles that dry friction makes, against closed forms."""
+"""Stick-slip and hunting: limit cycles due to dry friction, against closed forms."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def dragged(fall: float, duration: float = 3.0):
 
 
 def starts(sticking: np.ndarray) -> np.ndarray:
-    """Samples at which a slide begins."""
+    """Samples at which sliding starts."""
     return np.flatnonzero((sticking[:-1] == 1) & (sticking[1:] == 0)) + 1
 
 
-def test_a_mass_on_a_belt_has_the_closed_forms_cycle() -> None:
+def test_a_mass_on_a_belt_follows_the_closed_form_cycle() -> None:
     """Spring extension u while sliding: m u'' = -k u + F_k, from u = F_s/k, u' = V until u' = V again.
 
     So k u - F_k swings from D = F_s - F_k to -D through an angle 2 pi - 2 atan(D w / (k V)), w^2 = k/m, and
@@ -60,7 +60,7 @@ def test_a_mass_on_a_belt_has_the_closed_forms_cycle() -> None:
     assert abs(errors[1]) < 0.01 * period
 
 
-def test_without_a_static_excess_the_belt_drags_evenly() -> None:
+def test_without_excess_static_friction_the_belt_drags_steadily() -> None:
     recording = simulate(
         block(
             of_torque("slide", KINETIC),
@@ -106,7 +106,7 @@ def test_integral_action_hunts_where_static_friction_exceeds_kinetic() -> None:
     assert np.abs(last).mean() > 1e-3
 
 
-def test_integral_action_finds_its_target_without_an_excess() -> None:
+def test_integral_action_converges_without_excess_static_friction() -> None:
     stops, last = hunting(static=2.0)
     assert len(stops) <= 3
     assert abs(last) < 1e-5

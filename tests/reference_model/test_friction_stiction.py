@@ -21,7 +21,7 @@ def exact(robot: Robot, **more):
 
 
 @pytest.mark.parametrize("friction", [on_load("slide", 0.3), of_torque("slide", 4.0)])
-def test_a_block_on_an_incline_holds_for_ever(friction: dict) -> None:
+def test_a_block_on_an_incline_sticks_without_creep(friction: dict) -> None:
     recording = exact(block(friction, tilt=0.2, duration=100.0, rate=2.0))
     np.testing.assert_array_equal(recording["slide.position"], 0.0)  # not a rounding error
     np.testing.assert_array_equal(recording["slide.velocity"], 0.0)
@@ -38,7 +38,7 @@ def test_a_block_holds_up_to_the_angle_of_friction(excess: float, holds: bool) -
     assert (recording["slide.position"][-1] == 0) == holds
 
 
-def test_it_breaks_away_when_the_force_is_the_static_level() -> None:
+def test_it_breaks_away_at_the_static_level() -> None:
     stiffness, speed, kinetic, static, fall = 200.0, 0.05, 0.2, 0.3, 0.05
     normal = MASS * GRAVITY
     robot = block(
@@ -68,7 +68,7 @@ def test_it_breaks_away_when_the_force_is_the_static_level() -> None:
     np.testing.assert_allclose(recording["slide.position"][~stuck][:first], run.y[0][:first], atol=1e-6)
 
 
-def test_a_sliding_block_stops_at_the_closed_forms_time_and_place() -> None:
+def test_a_sliding_block_stops_at_the_analytic_time_and_position() -> None:
     recording = exact(block(on_load("slide", 0.3), tilt=0.2, velocity=1.0, rate=200.0))
     braking = GRAVITY * (0.3 * np.cos(0.2) - np.sin(0.2))
     stop = 1.0 / braking
@@ -79,7 +79,7 @@ def test_a_sliding_block_stops_at_the_closed_forms_time_and_place() -> None:
     np.testing.assert_array_equal(recording["slide.velocity"][recording.time >= stop], 0.0)
 
 
-def test_a_block_too_steep_turns_round_without_sticking() -> None:
+def test_a_block_on_a_steep_incline_reverses_without_sticking() -> None:
     tilt, mu = 0.4, 0.3
     recording = exact(block(on_load("slide", mu), tilt=tilt, velocity=-1.0, rate=200.0))
     up = GRAVITY * (np.sin(tilt) + mu * np.cos(tilt))
@@ -141,7 +141,7 @@ def test_a_lower_block_that_cannot_be_dragged_stays() -> None:
     np.testing.assert_allclose(recording["floor.friction_torque"][sliding], 0.4 * GRAVITY * -1.0, rtol=1e-8)
 
 
-def test_joints_that_stop_at_one_instant_both_stop() -> None:
+def test_joints_that_stop_simultaneously_both_stop() -> None:
     data = stacked(0.1, 0.1).model_dump()
     for joint in data["joints"]:
         joint["parent"], joint["initial_velocity"] = "base", 1.0
@@ -196,7 +196,7 @@ def test_energy_is_balanced_through_the_changes_of_mode() -> None:
 
 
 @pytest.mark.proof
-def test_smoothed_friction_tends_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_smoothed_friction_converges_to_exact_stiction(monkeypatch: pytest.MonkeyPatch) -> None:
     effects = [{"effect": "coulomb_friction", "at": "shoulder", "torque": 3.0}]
     effects.append(
         {"effect": "load_dependent_friction", "at": "elbow", "coefficient": 0.5, "gear_share": 0.02}
@@ -233,7 +233,7 @@ def test_a_sampled_controller_is_held_between_its_instants() -> None:
     np.testing.assert_allclose(recording["slide.position"][first], wanted, atol=INTEGRATED)
 
 
-def test_a_planar_arm_with_loads_at_rest_sticks_where_it_is() -> None:
+def test_a_planar_arm_with_load_friction_at_rest_sticks() -> None:
     """Load-dependent levels of several joints at rest: gravity's torque against what the loads allow."""
     torque = MASS * GRAVITY * 0.3
     robot = arm(
@@ -247,13 +247,13 @@ def test_a_planar_arm_with_loads_at_rest_sticks_where_it_is() -> None:
     np.testing.assert_allclose(np.abs(recording["elbow.friction_torque"]), torque, rtol=1e-9)
 
 
-def test_modes_that_never_agree_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_inconsistent_modes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sticking, "MOST_TRIALS", 1)  # sticking only, on a plane that is too steep for it
     with pytest.raises(InputError, match=r"at t = 0 s neither sticking nor sliding of slide agrees"):
         exact(block(on_load("slide", 0.3), tilt=0.5))
 
 
-def test_a_loop_that_does_not_close_is_refused() -> None:
+def test_a_diverging_loop_is_refused() -> None:
     effects = [on_load("shoulder", 1.0), on_load("elbow", 1.0)]
     data = arm(controller={"kind": "none"}, effects=effects).model_dump()
     for joint in data["joints"]:
@@ -274,7 +274,7 @@ def test_chattering_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         exact(robot)
 
 
-def test_compiled_code_gives_the_same_course() -> None:
+def test_compiled_code_gives_the_same_trajectory() -> None:
     robot = block(on_load("slide", 0.3), tilt=0.2, velocity=1.0)
     plain, compiled = exact(robot), exact(robot, compile_code=True)
     np.testing.assert_allclose(compiled["slide.position"], plain["slide.position"], rtol=0, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Motors that move by themselves: two inertias on a spring, play, limits, balances, refusals."""
+"""Separate motor coordinates: two inertias on a spring, play, limits, balances, refusals."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def load(torque: float) -> dict:
     return {"effect": "cable_spring", "at": "hinge", "stiffness": 0.0, "torque_at_zero": torque}
 
 
-def test_two_inertias_on_a_spring_swing_as_the_closed_form_says() -> None:
+def test_two_inertias_on_a_spring_follow_the_closed_form() -> None:
     push = 5.0
     robot = wheel({**ELASTIC, "damping": DAMPING}, pushed(push), rate=200.0)
     found = simulate(robot, sensors=False, rtol=1e-11, atol=1e-14)
@@ -154,7 +154,7 @@ WITH_PLAY = gear({**PLAY, "damping": 30.0})
 
 
 @given(d=st.floats(-4e-3, 4e-3), v=st.floats(-0.5, 0.5))
-def test_flanks_never_pull_and_never_give_out_more_than_they_stored(d: float, v: float) -> None:
+def test_flanks_never_pull_and_never_generate_energy(d: float, v: float) -> None:
     torque, loss, charging = (float(part) for part in WITH_PLAY(d, v))
     assert torque * d >= 0.0
     assert loss >= -1e-15
@@ -176,7 +176,7 @@ def test_flanks_never_pull_and_never_give_out_more_than_they_stored(d: float, v:
     ids=["elastic", "play", "elastic with play", "lossy", "elastic and lossy"],
 )
 @pytest.mark.parametrize("kind", ["pd", "computed_torque"])
-def test_energy_less_work_is_constant(effects: list[dict], kind: str) -> None:
+def test_energy_minus_work_is_constant(effects: list[dict], kind: str) -> None:
     controller = {"kind": kind, "kp": 300.0 if kind == "pd" else 200.0, "kd": 20.0}
     motion = {"joint": "hinge", "kind": "multisine", "amplitudes": [0.2], "frequencies": [2.0], "ramp": 0.2}
     rub = {"effect": "viscous_friction", "at": "hinge", "coefficient": 1.0}
@@ -189,7 +189,7 @@ def test_energy_less_work_is_constant(effects: list[dict], kind: str) -> None:
     assert np.ptp(rest) < 1e-6 * np.ptp(found["robot.work"])
 
 
-def test_a_stiffer_gear_tends_to_the_rigid_joint_with_the_rotor_on_it() -> None:
+def test_a_stiff_gear_converges_to_the_rigid_joint_with_rotor() -> None:
     motion = {"joint": "hinge", "kind": "quintic", "displacement": 0.5, "duration": 0.5}
     controller = {"kind": "pd", "kp": 200.0, "kd": 30.0}
     given = {"controller": controller, "reference": {"joints": [motion]}, "duration": 1.0, "rate": 100.0}
@@ -204,7 +204,7 @@ def test_a_stiffer_gear_tends_to_the_rigid_joint_with_the_rotor_on_it() -> None:
     assert np.log2(errors[0] / errors[1]) / 2 == pytest.approx(1.0, abs=0.05)
 
 
-def test_the_order_of_fixed_steps_stays_four_without_corners() -> None:
+def test_fixed_steps_keep_order_four_for_smooth_gears() -> None:
     motion = {"joint": "hinge", "kind": "quintic", "displacement": 0.5, "duration": 0.5}
     given = {"controller": {"kind": "pd", "kp": 200.0, "kd": 30.0}, "reference": {"joints": [motion]}}
     robot = wheel({**ELASTIC, "damping": DAMPING, "cubic_stiffness": 1e9}, **given, duration=0.4, rate=100.0)
@@ -214,7 +214,7 @@ def test_the_order_of_fixed_steps_stays_four_without_corners() -> None:
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
 
 
-def test_hysteresis_does_not_know_speed() -> None:
+def test_hysteresis_is_rate_independent() -> None:
     """The same twist in half the time loses the same energy."""
     lost = []
     for pace in (1.0, 2.0):
@@ -241,7 +241,7 @@ def test_hysteresis_does_not_know_speed() -> None:
     assert lost[1] == pytest.approx(closed, rel=0.01)
 
 
-def test_controllers_read_the_encoder_that_the_file_says() -> None:
+def test_controllers_read_the_encoder_chosen_in_the_file() -> None:
     """A PD loop by the joint's encoder around an undamped spring is unstable, by the motor's never."""
     motion = {"joint": "hinge", "kind": "quintic", "displacement": 0.1, "duration": 0.2}
     swings = {}
@@ -271,7 +271,7 @@ def test_integral_action_and_a_servos_back_emf_follow_the_motor() -> None:
     assert done["hinge.position"][-1] == pytest.approx(-5.0 / STIFFNESS, rel=1e-2)
 
 
-def test_a_gear_begins_loaded_by_the_first_command() -> None:
+def test_a_gear_starts_loaded_by_the_first_command() -> None:
     """The wheel becomes a pendulum held against gravity: with its gear wound up it does not stir."""
     robot = load_robot("two_link_arm")
     hold = {"duration": 0.5, "sample_rate": 100.0, "joints": []}
@@ -310,7 +310,7 @@ def test_free_bases_and_flexible_links_keep_their_momentum_and_balance(name: str
     assert np.ptp(found[f"{joint}.motor_position"] - found[f"{joint}.position"]) > 1e-6
 
 
-def test_stiction_and_compiled_code_carry_gears() -> None:
+def test_stiction_and_compiled_code_support_gears() -> None:
     motion = {"joint": "hinge", "kind": "multisine", "amplitudes": [0.05], "frequencies": [1.0], "ramp": 0.2}
     rub = {"effect": "coulomb_friction", "at": "hinge", "torque": 6.0}
     given = {"controller": {"kind": "pd", "kp": 400.0, "kd": 20.0}, "reference": {"joints": [motion]}}
@@ -327,7 +327,7 @@ def test_stiction_and_compiled_code_carry_gears() -> None:
     assert np.abs(fast["hinge.position"] - smooth["hinge.position"]).max() < 1e-8
 
 
-def test_a_stiff_joint_has_a_motor_encoder_too_where_a_sensor_asks() -> None:
+def test_a_stiff_joint_also_has_a_motor_encoder_if_a_sensor_requires_it() -> None:
     sensors = (Sensor(channel="hinge.motor_position"), Sensor(channel="hinge.position"))
     push = load(1.0)
     stiff = simulate(wheel(push, sensors=sensors))
@@ -351,6 +351,6 @@ BARE_PLAY = {k: PLAY[k] for k in ("effect", "at", "half_width")}
         ([ELASTIC], {"links": [{"name": "wheel"}]}, "nothing but the rotor"),
     ],
 )
-def test_what_cannot_be_in_a_gear_is_refused(effects: list[dict], changes: dict, words: str) -> None:
+def test_impossible_gear_effects_are_refused(effects: list[dict], changes: dict, words: str) -> None:
     with pytest.raises(InputError, match=words):
         simulate(wheel(*effects, **changes))

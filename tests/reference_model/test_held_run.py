@@ -76,9 +76,7 @@ def test_a_piece_that_takes_too_many_steps_is_left_to_cvodes(monkeypatch: pytest
         pytest.param(333.0, id="between them"),
     ],
 )
-def test_chains_are_what_single_steps_are(
-    integral: float, rate: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_chains_equal_single_steps(integral: float, rate: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some pieces are left to the implicit method, so that chains end in their midst."""
     robot = stiff(ki=integral)
     assert robot.reference is not None
@@ -116,7 +114,7 @@ def test_every_output_is_an_instant_of_the_schedule(rate: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["two_link_arm", "flexible_space_robot_planar"])
-def test_a_loop_along_a_table_is_derived_as_casadi_derives_it(name: str) -> None:
+def test_derivatives_of_a_loop_with_a_table_agree_with_casadi(name: str) -> None:
     """Right-hand side and Jacobian handed to CVODES, against those that CasADi makes of the whole graph."""
     robot = load_robot(name)
     assert robot.reference is not None

@@ -1,4 +1,4 @@
-"""Effects that leave a link with impossible mass properties: refused by both engines in one sentence."""
+"""Effects that leave a link with impossible mass properties: rejected by both engines with one message."""
 
 from __future__ import annotations
 
@@ -72,14 +72,14 @@ MISTAKES: Mapping[str, tuple[Robot, str]] = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_both_engines_refuse_it_with_the_same_sentence(mistake: str) -> None:
+def test_both_engines_refuse_impossible_bodies_with_the_same_message(mistake: str) -> None:
     robot, sentence = MISTAKES[mistake]
-    said = []
+    messages = []
     for run in ENGINES.values():
         with pytest.raises(InputError, match=sentence) as refused:
             run(robot)
-        said.append(str(refused.value))
-    assert said[0] == said[1]
+        messages.append(str(refused.value))
+    assert messages[0] == messages[1]
 
 
 def point_with_payload() -> Robot:
@@ -108,7 +108,7 @@ def point_with_payload() -> Robot:
         "rounding",
     ],
 )
-def test_bodies_that_can_be_run(robot: Robot, engine: str) -> None:
+def test_realisable_bodies_are_simulated(robot: Robot, engine: str) -> None:
     assert len(ENGINES[engine](robot)) == 3
 
 
@@ -118,7 +118,7 @@ def test_a_fit_may_pass_through_such_bodies() -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_at_the_command_line_it_is_one_line_and_no_file(
+def test_the_command_prints_one_line_and_writes_no_file(
     engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     overlay, out = tmp_path / "lighter.toml", tmp_path / "out.csv"

@@ -1,4 +1,4 @@
-"""An interrupt ends a simulation, although CasADi takes it for a failure of the right-hand side."""
+"""An interrupt ends a simulation, although CasADi reports it as a failure of the right-hand side."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONG = 400.0
 
 @pytest.fixture
 def _soon(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What is run by CVODES is interrupted a twentieth of a second after it has begun."""
+    """A CVODES run is interrupted a twentieth of a second after its start."""
     real, begun = integration.cvodes, []
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
 
@@ -47,8 +47,8 @@ def long_motion() -> Robot:
 
 
 @pytest.mark.usefixtures("_soon")
-def test_an_interrupt_of_a_continuous_run_comes_out(capsys: pytest.CaptureFixture[str]) -> None:
-    """Nor is the integration begun again, nor is a fault told that there is none."""
+def test_an_interrupt_of_a_continuous_run_is_propagated(capsys: pytest.CaptureFixture[str]) -> None:
+    """The integration is not restarted, and no error is reported."""
     with pytest.raises(KeyboardInterrupt):
         simulate(long_motion())
     assert capsys.readouterr() == ("", "")

@@ -41,7 +41,7 @@ def viscous(coefficient: float) -> dict:
 
 
 @both
-def test_what_friction_takes_is_the_kinetic_energy(run: Callable[[Robot], Recording]) -> None:
+def test_friction_loss_equals_the_kinetic_energy(run: Callable[[Robot], Recording]) -> None:
     found = run(block(viscous(3.0), of_torque("slide", 1.0), velocity=1.0))
     kinetic = MASS / 2 * (1 - found["slide.velocity"] ** 2)
     np.testing.assert_allclose(found["slide.friction_energy"], kinetic, atol=2e-6)
@@ -60,7 +60,7 @@ def test_a_held_weight_heats_the_winding(run: Callable[[Robot], Recording]) -> N
     assert "slide.armature_energy" not in simulate(driven(duration=0.1), sensors=False)
 
 
-def test_both_engines_lose_alike() -> None:
+def test_engines_agree_on_losses() -> None:
     data = load_robot("two_link_arm").model_dump()
     for joint in data["joints"]:
         joint["actuator"] |= {"torque_constant": 0.1, "resistance": 0.8}
@@ -78,7 +78,7 @@ def test_both_engines_lose_alike() -> None:
             np.testing.assert_allclose(other[channel], own[channel], atol=4e-4 * own[channel][-1])
 
 
-def test_against_the_winding_alone_the_motion_of_least_energy_is_a_cubic() -> None:
+def test_with_winding_losses_only_the_motion_of_least_energy_is_a_cubic() -> None:
     far, duration = 0.5, 2.0
     planned = least_energy(driven(duration=duration), {"slide": far}, duration=duration)
     square = GAIN * MASS**2 * far**2 / duration**3
@@ -104,7 +104,7 @@ def test_with_viscous_friction_its_speed_is_a_hyperbolic_cosine() -> None:
     assert planned.loss < planned.quintic
 
 
-def test_both_engines_lose_along_it_what_was_planned() -> None:
+def test_both_engines_reproduce_the_planned_loss() -> None:
     computed = {"kind": "computed_torque", "kp": 400.0, "kd": 40.0}
     robot = driven(viscous(3.0), duration=2.0, controller=computed, rate=100.0)
     planned = least_energy(robot, {"slide": 0.5}, duration=2.0)
@@ -122,7 +122,7 @@ def test_a_torque_limit_holds() -> None:
     assert limited.loss > least_energy(driven(duration=2.0), {"slide": 0.5}, duration=2.0).loss * 1.001
 
 
-def test_what_cannot_be_planned_is_said() -> None:
+def test_unsupported_plans_are_refused() -> None:
     with pytest.raises(InputError, match="'slid' is no moving joint; did you mean 'slide'"):
         least_energy(driven(), {"slid": 1.0}, duration=1.0)
     with pytest.raises(InputError, match="torque_constant and resistance"):

@@ -58,7 +58,7 @@ def test_viscous_friction_follows_a_constant_temperature(
 
 
 @also_by_exudyn
-def test_static_and_kinetic_friction_have_factors_of_their_own(run: Callable[[Robot], Recording]) -> None:
+def test_static_and_kinetic_friction_have_separate_factors(run: Callable[[Robot], Recording]) -> None:
     """On an incline a block holds up to the static level, and slides against the kinetic one."""
     for temperature, static, kinetic in ((COLD, 5.0, 10.0), (WARM, 1.0, 1.0)):
         law, given = of_torque("slide", 0.8, 2.0, 0.01), {"kind": "constant", "value": temperature}
@@ -85,7 +85,7 @@ def test_a_table_is_linear_between_its_instants(run: Callable[[Robot], Recording
 
 
 @both
-def test_a_joint_that_slides_steadily_warms_along_an_exponential(run: Callable[[Robot], Recording]) -> None:
+def test_a_steadily_sliding_joint_warms_exponentially(run: Callable[[Robot], Recording]) -> None:
     """On an incline at its steady speed, friction without rates takes constant power."""
     speed = MASS * GRAVITY * np.sin(0.2) / 4.0
     heat = {"kind": "self_heating", "ambient": 290.0, "initial": 280.0, "capacity": 5.0, "resistance": 0.1}
@@ -135,7 +135,7 @@ BRISTLES = {
 }
 
 
-def test_both_engines_warm_alike() -> None:
+def test_engines_agree_on_self_heating() -> None:
     others = [
         {"effect": "viscous_friction", "coefficient": 0.5},
         {"effect": "asymmetric_friction", "coulomb_difference": 0.2, "viscous_difference": 0.1},
@@ -159,7 +159,7 @@ def test_without_rates_nothing_changes() -> None:
 
 
 @pytest.mark.proof
-def test_a_fixed_step_carries_the_warming() -> None:
+def test_fixed_steps_support_self_heating() -> None:
     heat = {"kind": "self_heating", "ambient": 250.0, "capacity": 2.0, "resistance": 5.0}
     robot = tempered(block(viscous(0.5), tilt=0.5, velocity=2.0), heat)
     wanted = reference(robot)["slide.temperature"]
@@ -199,7 +199,7 @@ def test_impossible_temperatures_are_refused(thermal: str, sentence: str) -> Non
         robot_from_toml(TOML.replace("THERMAL", thermal))
 
 
-def test_it_is_written_as_it_is_read() -> None:
+def test_a_thermal_table_round_trips_through_a_file() -> None:
     table = 'temperature = { kind = "table", times = [0.0, 1.0], values = [290.0, 291.0] }'
     robot = robot_from_toml(TOML.replace("THERMAL", f"static_rate = 0.01, {table}"))
     assert robot_from_toml(robot_to_toml(robot)) == robot

@@ -1,4 +1,4 @@
-"""The state derivative as a loop over bodies: numbers of the straight line, with code that does not grow."""
+"""The state derivative as a loop over bodies: results of straight-line code, with code of constant size."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def gap(robot: Robot) -> float:
 
 
 @pytest.mark.parametrize("flexible", [False, True])
-def test_chains_give_the_same_numbers(flexible: bool) -> None:
+def test_looped_chains_give_the_same_rates(flexible: bool) -> None:
     assert gap(chain(4, flexible=flexible)) < SAME
 
 
 @pytest.mark.parametrize("name", ["two_link_arm", "six_joint_space_arm", "flexible_space_robot"])
-def test_shipped_robots_without_friction_from_loads_give_the_same_numbers(name: str) -> None:
+def test_looped_shipped_robots_without_load_friction_give_the_same_rates(name: str) -> None:
     robot = load_robot(name)
     joint = robot.moving_joints[0].name
     laws = [
@@ -61,12 +61,12 @@ def test_shipped_robots_without_friction_from_loads_give_the_same_numbers(name: 
 
 
 @pytest.mark.parametrize("base", ["fixed", "free"])
-def test_random_trees_give_the_same_numbers(base: str) -> None:
+def test_looped_random_trees_give_the_same_rates(base: str) -> None:
     kinds = ["revolute", "prismatic", "fixed", "revolute", "revolute"]
     assert gap(random_robot(5, base=base, kinds=kinds)) < SAME
 
 
-def test_a_robot_with_a_ball_has_no_loop() -> None:
+def test_a_robot_with_a_spherical_joint_has_no_loop() -> None:
     robot = chain(2)
     ball = robot.joints[1].model_copy(update={"kind": "spherical", "actuator": None})
     assert looped_rate(Plant(robot.model_copy(update={"joints": (robot.joints[0], ball)}))) is None
@@ -87,7 +87,7 @@ def test_a_longer_chain_needs_no_more_functions() -> None:
     assert counts[0] == counts[1]
 
 
-def test_the_size_decides() -> None:
+def test_the_size_decides_between_loop_and_straight_line() -> None:
     short, long = Plant(chain(2)), Plant(chain(12))
     assert short.rate.n_instructions() < LOOPED_FROM < long.rate.n_instructions()
     assert rate_by_size(short) is short.rate

@@ -48,7 +48,7 @@ def hinge(*effects: dict, **motor: float) -> Robot:
 
 
 @both
-def test_friction_of_a_motor_brakes_the_whole_drive(run: Callable[[Robot], Recording]) -> None:
+def test_motor_friction_brakes_the_entire_drive(run: Callable[[Robot], Recording]) -> None:
     """Behind a stiff gear it is friction of the joint: (5 + 1) v' = -T_c - c v."""
     found = run(hinge(coulomb_friction=2.0, viscous_friction=3.0))
     wanted = (1 + 2 / 3) * np.exp(-3 / 6 * found.time) - 2 / 3
@@ -68,7 +68,7 @@ def test_in_front_of_an_elastic_gear_it_acts_on_the_motor(run: Callable[[Robot],
     assert np.abs(found["hinge.motor_position"] - found["hinge.position"]).max() > 5e-4
 
 
-def test_both_engines_rub_alike_on_both_sides() -> None:
+def test_engines_agree_on_friction_on_both_sides_of_the_gear() -> None:
     rubbing = {
         "effect": "lugre_friction",
         "at": "hinge",
@@ -85,7 +85,7 @@ def test_both_engines_rub_alike_on_both_sides() -> None:
 
 
 @also_by_exudyn
-def test_a_gear_that_hardens_swings_as_a_duffing_oscillator(run: Callable[[Robot], Recording]) -> None:
+def test_a_hardening_gear_swings_like_a_duffing_oscillator(run: Callable[[Robot], Recording]) -> None:
     push = {"effect": "external_torque", "at": "hinge", "torque": 3000.0, "start": 0.0, "duration": 2e-3}
     spring = {**GEAR, "damping": 0.0, "cubic_stiffness": 2e7}
     data = hinge(push, spring, gear_ratio=1000.0, rotor_inertia=10.0).model_dump()

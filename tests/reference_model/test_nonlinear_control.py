@@ -30,7 +30,7 @@ also_by_exudyn = pytest.mark.parametrize("run", [reference, pytest.param(exudyn,
 SLIDING = {"kind": "sliding_mode", "slope": 2.0, "rate": 1.0, "boundary_layer": 1e-3}
 NETWORK = {"kind": "adaptive_network", "kp": 25.0, "kd": 10.0, "centres": 5, "width": 1.0, "adaptation": 0.0}
 RUBBING = {"effect": "viscous_friction", "at": "slide", "coefficient": 3.0}
-#: A constant push that no controller's model knows [N].
+#: A constant push unknown to the controllers [N].
 PUSH = {"effect": "external_torque", "at": "slide", "torque": 4.0, "start": 0.0, "duration": 100.0}
 
 
@@ -58,7 +58,7 @@ PAYLOAD = {"effect": "payload", "at": "link2", "mass": 2.0, "x": 0.3, "y": 0.0, 
 
 @both
 @pytest.mark.parametrize("proportional", [0.0, 3.0])
-def test_the_sliding_variable_falls_along_its_reaching_law(
+def test_the_sliding_variable_follows_its_reaching_law(
     run: Callable[[Robot], Recording], proportional: float
 ) -> None:
     law = {**SLIDING, **({"reaching": "exponential", "proportional": proportional} if proportional else {})}
@@ -92,7 +92,7 @@ def test_a_network_that_does_not_adapt_is_computed_torque(run: Callable[[Robot],
 
 
 @also_by_exudyn
-def test_basis_functions_without_end_are_integral_action(run: Callable[[Robot], Recording]) -> None:
+def test_infinitely_wide_basis_functions_are_integral_action(run: Callable[[Robot], Recording]) -> None:
     """With phi = 1 the m weights make a = m adaptation (e + kd/2 int e): the PID of a pushed block."""
     network = {**NETWORK, "width": 1e6, "adaptation": 4.0}
     pid = {"kind": "pd", "kp": MASS * (25.0 + 20.0), "kd": MASS * 10.0, "ki": MASS * 20.0 * 5.0}
@@ -110,7 +110,7 @@ def test_leakage_bounds_the_weights(run: Callable[[Robot], Recording]) -> None:
     np.testing.assert_allclose(found["slide.position"][-1], left, rtol=1e-3)
 
 
-def test_adaptation_lowers_the_error_under_friction_and_payload() -> None:
+def test_adaptation_reduces_the_error_under_friction_and_payload() -> None:
     learning = {**NETWORK, "centres": 15, "width": 0.5, "adaptation": 200.0}
     errors = []
     for law in (NETWORK, learning):
@@ -129,7 +129,7 @@ def test_adaptation_lowers_the_error_under_friction_and_payload() -> None:
         {**SLIDING, "rate": 5.0, "boundary_layer": 0.05, "sample_time": 0.01},
     ],
 )
-def test_both_engines_control_alike(law: dict) -> None:
+def test_engines_agree_on_nonlinear_control(law: dict) -> None:
     robot = arm(law, (*FRICTION, PAYLOAD))
     own, other = reference(robot), exudyn(robot)
     for name in ("joint1.position", "joint2.position"):
@@ -137,13 +137,13 @@ def test_both_engines_control_alike(law: dict) -> None:
     np.testing.assert_allclose(own["joint1.torque"], other["joint1.torque"], atol=0.2)
 
 
-def test_a_fixed_step_carries_the_weights() -> None:
+def test_fixed_steps_support_the_network_weights() -> None:
     robot = arm({**NETWORK, "adaptation": 100.0}, (PAYLOAD,))
     stepped = simulate(robot, sensors=False, step=1e-3)
     np.testing.assert_allclose(stepped["joint1.position"], reference(robot)["joint1.position"], atol=1e-8)
 
 
-def test_a_free_flexible_robot_takes_both_controllers() -> None:
+def test_a_free_flexible_robot_supports_both_controllers() -> None:
     for law in ({**SLIDING, "rate": 0.5, "boundary_layer": 0.01}, {**NETWORK, "adaptation": 10.0}):
         data = load_robot("flexible_space_robot").model_dump()
         data |= {"sensors": [], "controller": law, "effects": []}
@@ -153,7 +153,7 @@ def test_a_free_flexible_robot_takes_both_controllers() -> None:
         np.testing.assert_allclose(own["joint2.position"], other["joint2.position"], atol=1e-7)
 
 
-def test_a_thin_layer_takes_no_more_evaluations_than_a_thick_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_thin_layer_needs_no_more_evaluations_than_a_thick_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exudyn's iterations know the slope of the law, rate/layer; by torques alone they converge slowly."""
     evaluations: list[float] = []
     output = SlidingModeLaw.output
@@ -199,5 +199,5 @@ def test_impossible_controllers_are_refused(changes: dict, sentence: str) -> Non
 
 
 @pytest.mark.parametrize("law", [NETWORK, {**SLIDING, "rate": [1.0, 2.0]}])
-def test_they_are_written_as_they_are_read(law: dict) -> None:
+def test_controllers_round_trip_through_a_file(law: dict) -> None:
     assert robot_from_toml(robot_to_toml(arm(law))) == arm(law)

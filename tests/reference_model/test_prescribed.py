@@ -1,4 +1,4 @@
-"""Prescribed joint motion gives what the closed loop gave along the same motion, effects included."""
+"""Prescribed joint motion reproduces the closed loop along the same motion, effects included."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_it_follows_the_closed_loop(name: str, effects: tuple[EffectUse, ...]) -
         np.testing.assert_allclose(found[channel], full[channel], rtol=0, atol=part * size, err_msg=channel)
 
 
-def test_it_gives_what_the_momentum_of_a_rigid_robot_demands() -> None:
+def test_it_follows_from_momentum_for_a_rigid_robot() -> None:
     """Against `RobotModel`, which knows the base's twist from momentum and integrates its attitude alone."""
     robot = short("six_joint_space_arm").model_copy(update={"effects": ()})
     full = simulate(robot, sensors=False)
@@ -76,13 +76,13 @@ def test_it_gives_what_the_momentum_of_a_rigid_robot_demands() -> None:
         np.testing.assert_allclose(rate, base.angular_velocity[:, k], rtol=0, atol=1e-8)
 
 
-def test_what_it_cannot_do_is_refused() -> None:
+def test_unsupported_robots_are_refused() -> None:
     robot = load_robot("two_link_arm")
     with pytest.raises(InputError, match=r"position has shape \(3, 1\)"):
         prescribed(robot, np.arange(3.0), np.zeros((3, 1)), np.zeros((3, 2)), np.zeros((3, 2)))
 
 
-def test_one_sample_is_the_start() -> None:
+def test_a_single_sample_gives_the_initial_state() -> None:
     robot = load_robot("six_joint_space_arm").model_copy(update={"effects": ()})
     speeds = np.array([[0.1, -0.2, 0.3, 0.1, 0.0, 0.4]])
     found = prescribed(robot, [0.0], 0 * speeds, speeds, 0 * speeds)

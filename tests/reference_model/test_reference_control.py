@@ -1,4 +1,4 @@
-"""Controllers, drives and reference motions by what they must do."""
+"""Expected behaviour of controllers, drives and reference motions."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_passive_joint_gets_no_torque() -> None:
 
 
 @pytest.mark.parametrize("base", ["fixed", "free"])
-def test_computed_torque_follows_exactly_when_nothing_is_missing(base: str) -> None:
+def test_computed_torque_tracks_exactly_with_a_perfect_model(base: str) -> None:
     controller = {"kind": "computed_torque", "kp": 100.0, "kd": 20.0}
     robot = moving_robot(base, [], gravity=True, controller=controller)
     recording = simulate(robot, sensors=False)
@@ -92,7 +92,7 @@ def test_computed_torque_follows_exactly_when_nothing_is_missing(base: str) -> N
     assert np.abs(error).max() < 1e-6  # the integration's tolerance, 1e-8 a step
 
 
-def test_computed_torque_on_a_free_base_pushes_nothing_but_joints() -> None:
+def test_computed_torque_on_a_free_base_applies_only_joint_torques() -> None:
     controller = {"kind": "computed_torque", "kp": 100.0, "kd": 20.0}
     robot = moving_robot("free", [], controller=controller)
     recording = simulate(robot, sensors=False)
@@ -103,7 +103,7 @@ def test_computed_torque_on_a_free_base_pushes_nothing_but_joints() -> None:
     np.testing.assert_allclose(found[:, 6:], columns(recording, robot, "acceleration"), atol=1e-9)  # rounding
 
 
-def test_a_sampled_controller_holds_and_tends_to_the_continuous_one() -> None:
+def test_a_sampled_controller_holds_and_converges_to_the_continuous_one() -> None:
     def run(hold: float) -> tuple[np.ndarray, np.ndarray]:
         gains = {"kind": "pd", "kp": 200.0, "kd": 30.0, "sample_time": hold}
         recording = simulate(axis(gains), sensors=False)
@@ -127,7 +127,7 @@ def test_sampling_instants_between_the_samples_of_the_recording() -> None:
     np.testing.assert_allclose(changes, wanted[: len(changes)], atol=1e-9)
 
 
-def test_reference_motions_are_their_formulas() -> None:
+def test_reference_motions_match_their_formulas() -> None:
     times = np.linspace(-0.5, 4.5, 1001)
     table = {"kind": "table", "times": (0.5, 1.0, 2.0, 3.5), "positions": (0.1, 0.4, -0.2, 0.3)}
     waves = {"kind": "multisine", "amplitudes": (0.3, 0.1), "frequencies": (0.5, 1.2), "phases": (0.2, 1.0)}

@@ -1,4 +1,4 @@
-"""Computed torque on rigid robots: what is decoupled, what holds the base, what friction leaves."""
+"""Computed torque on rigid robots: decoupling, holding the base, residual error due to friction."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def disturbed(plant: Plant, rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("controller", [GAINS, HELD])
-def test_every_state_gets_exactly_the_accelerations_that_were_asked_for(controller: dict) -> None:
+def test_every_state_gets_exactly_the_desired_accelerations(controller: dict) -> None:
     robot = moving_robot("free", [], controller=controller, gravity=True)
     plant, rng = Plant(robot), np.random.default_rng(3)
     for instant in (0.3, 1.7):
@@ -70,7 +70,7 @@ def test_every_state_gets_exactly_the_accelerations_that_were_asked_for(controll
             np.testing.assert_allclose(found[:6], 4 * astray - 3 * parts["base_velocity"], atol=1e-9)
 
 
-def test_errors_of_joints_and_base_decay_as_their_gains_say() -> None:
+def test_errors_of_joints_and_base_decay_with_the_rates_of_their_gains() -> None:
     robot = moving_robot("free", [], controller=HELD)
     plant = Plant(robot)
     start = disturbed(plant, np.random.default_rng(5))
@@ -104,7 +104,7 @@ def test_errors_of_joints_and_base_decay_as_their_gains_say() -> None:
     np.testing.assert_allclose(vectors[1:], wanted, atol=1e-8)
 
 
-def test_a_held_base_stays_and_its_wrench_is_the_motion_s() -> None:
+def test_a_held_base_stays_and_its_wrench_is_that_of_the_motion() -> None:
     robot = moving_robot("free", [], controller=HELD)
     recording = simulate(robot, sensors=False)
     speed = columns(recording, robot, "velocity")
@@ -138,7 +138,7 @@ RAMP = {"joint": "x", "kind": "table", "times": (0, 1, 3, 6), "positions": (0.0,
 RUBBING = [{"effect": "coulomb_friction", "at": "x", "torque": 5.0}]
 
 
-def test_friction_leaves_the_error_of_the_dead_band() -> None:
+def test_friction_causes_the_error_of_the_dead_band() -> None:
     """e = T_f / (kp Zbar) at a steady speed: 5 N on 2 kg."""
     robot = axis({**GAINS, "kp": 100.0, "kd": 20.0}, reference=[RAMP], effects=RUBBING, gravity=(0, 0, 0))
     recording = simulate(robot, sensors=False)
@@ -147,7 +147,7 @@ def test_friction_leaves_the_error_of_the_dead_band() -> None:
     np.testing.assert_allclose(error[-1], 5.0 / (100.0 * 2.0), rtol=1e-6)
 
 
-def test_feed_forward_of_the_friction_level_takes_the_error_away() -> None:
+def test_feed_forward_of_the_friction_level_removes_the_error() -> None:
     gains = {**GAINS, "kp": 100.0, "kd": 20.0, "coulomb_feedforward": 5.0}
     still = {"gravity": (0, 0, 0)}
     recording = simulate(axis(gains, reference=[RAMP], effects=RUBBING, **still), sensors=False)
@@ -179,7 +179,7 @@ def test_feed_forward_of_the_bearing_load_reduces_the_tracking_error(base: str) 
     assert worst(load_feedforward=0.3) < 0.1 * worst()
 
 
-def test_torque_limits_bind_a_computed_torque() -> None:
+def test_torque_limits_apply_to_computed_torque() -> None:
     free = moving_robot("free", [], controller=HELD)
     data = free.model_dump()
     peak = np.abs(columns(simulate(free, sensors=False), free, "torque")).max(axis=0)
@@ -191,7 +191,7 @@ def test_torque_limits_bind_a_computed_torque() -> None:
 
 
 @pytest.mark.proof
-def test_a_sampled_hold_of_base_and_joints_tends_to_the_continuous_one() -> None:
+def test_a_sampled_controller_of_base_and_joints_converges_to_the_continuous_one() -> None:
     def run(hold: float) -> np.ndarray:
         gains = {**HELD, "sample_time": hold, "coulomb_feedforward": 0.05}
         reference = moving_robot("free", []).reference.model_copy(update={"sample_rate": 50.0})

@@ -33,7 +33,7 @@ def unaccelerated(base: BaseMotion | None) -> BaseMotion | None:
 
 @few
 @given(cases())
-def test_forward_undoes_inverse(case: Case) -> None:
+def test_forward_dynamics_inverts_inverse_dynamics(case: Case) -> None:
     force = case.model.inverse_dynamics(*case.motion, base=case.base)
     offset = case.model.rows - len(case.model.joints)
     found = case.model.forward_dynamics(
@@ -85,7 +85,7 @@ def test_articulated_bodies_agree_with_solving_the_mass_matrix(case: Case) -> No
 
 @few
 @given(cases())
-def test_regressor_times_numbers_is_inverse_dynamics(case: Case) -> None:
+def test_regressor_times_parameters_is_inverse_dynamics(case: Case) -> None:
     model = case.model
     regressor = model.regressor(*case.motion, base=case.base)
     force = model.inverse_dynamics(*case.motion, base=case.base)
@@ -127,7 +127,7 @@ def test_moment_along_the_axis_is_the_joint_torque(case: Case) -> None:
 
 @few
 @given(cases())
-def test_bearing_loads_are_the_wrench_without_what_the_axis_carries(case: Case) -> None:
+def test_bearing_loads_are_the_wrench_without_axis_components(case: Case) -> None:
     model = case.model
     loads = model.bearing_loads(*case.motion, base=case.base)
     forces, moments = model.joint_wrenches(*case.motion, base=case.base)
@@ -198,14 +198,14 @@ def test_momentum_is_the_base_rows_of_the_mass_matrix(case: Case) -> None:
     close(_to_base(base.attitude, linear), rows[:, :3])
 
 
-def test_a_carried_fixed_base_feels_what_a_free_one_feels() -> None:
+def test_a_moved_fixed_base_has_the_reactions_of_a_free_one() -> None:
     free = random_case(random_robot(3, base="free", kinds=["revolute", "prismatic", "revolute"]), 4)
     fixed = random_case(random_robot(3, base="fixed", kinds=["revolute", "prismatic", "revolute"]), 4)
     wanted = free.model.inverse_dynamics(*free.motion, base=free.base)[:, 6:]
     close(fixed.model.inverse_dynamics(*free.motion, base=free.base), wanted)
 
 
-def test_a_heavy_free_base_is_a_fixed_base() -> None:
+def test_a_heavy_free_base_converges_to_a_fixed_base() -> None:
     kinds = ["revolute", "revolute", "prismatic"]
     fixed = random_case(random_robot(5, base="fixed", kinds=kinds, gravity=False), 6)
     free = random_robot(5, base="free", kinds=kinds, gravity=False)
@@ -224,7 +224,7 @@ def test_a_heavy_free_base_is_a_fixed_base() -> None:
     close(found, fixed.model.forward_dynamics(case.position, case.velocity, torque), 1e-9)
 
 
-def test_arrays_longer_than_a_block_are_evaluated_whole() -> None:
+def test_arrays_longer_than_a_block_are_evaluated_completely() -> None:
     case = random_case(random_robot(7, base="free", kinds=["revolute", "revolute"]), 8, samples=600)
     whole = case.model.inverse_dynamics(*case.motion, base=case.base)
     assert case.base is not None

@@ -68,7 +68,7 @@ def with_pendulum(robot: Robot) -> Robot:
 
 
 @pytest.mark.parametrize("base", ["fixed", "free", "held", "ball"])
-def test_full_computed_torque_gives_exactly_the_accelerations_that_were_asked_for(base: str) -> None:
+def test_full_computed_torque_gives_exactly_the_desired_accelerations(base: str) -> None:
     robot = space_robot(HELD if base == "held" else FULL, gravity=(0.0, 1.0, -2.0))
     if base == "fixed":
         robot = robot.model_copy(update={"base": Base(rpy=(0.3, -0.2, 0.5))})
@@ -94,7 +94,7 @@ def test_full_computed_torque_gives_exactly_the_accelerations_that_were_asked_fo
             )
 
 
-def test_errors_of_the_flexible_robot_decay_as_the_gains_say() -> None:
+def test_errors_of_the_flexible_robot_decay_with_the_rates_of_the_gains() -> None:
     robot = space_robot(HELD)
     plant = Plant(robot)
     start, time = bent(plant, 4), np.linspace(0, 2, 41)
@@ -107,7 +107,7 @@ def test_errors_of_the_flexible_robot_decay_as_the_gains_say() -> None:
     np.testing.assert_allclose(error, closed_form(9.0, 4.0, error[0], rate, time), atol=1e-7)
 
 
-def test_behind_exact_joints_the_link_vibrates_as_clamped() -> None:
+def test_with_exact_joint_motion_the_link_vibrates_as_clamped() -> None:
     """Nothing damps it but itself: with joints and base at rest the modes keep their clamped frequencies."""
     recording = run(HELD)
     assert np.abs(errors(recording)).max() < 1e-6
@@ -125,7 +125,7 @@ def test_behind_exact_joints_the_link_vibrates_as_clamped() -> None:
         assert np.abs(y).max() > 1e-4
 
 
-def test_rigid_computed_torque_leaves_errors_and_vibration_and_feels_the_link() -> None:
+def test_rigid_computed_torque_leaves_errors_and_vibration() -> None:
     rigid = ComputedTorque(kp=1.0, kd=2.0, base_kp=1.0, base_kd=2.0)
     recording = run(rigid)
     assert np.abs(errors(recording)).max() > 1e-4  # the deformation acts on it as a disturbance
@@ -147,7 +147,7 @@ def test_a_free_base_gets_no_momentum_from_either_controller(model: str) -> None
     assert turned > 1e-3  # the base reacts
 
 
-def test_a_constant_torque_leaves_the_error_of_the_effective_inertia() -> None:
+def test_a_constant_torque_causes_the_error_of_the_effective_inertia() -> None:
     """e = -Zbar^-1 T / kp with Zbar = Z_qq - Z_qx Z_xx^-1 Z_xq: what Coulomb friction of that size does."""
     torque = np.array([-1.0, 0.5])
     pushed = tuple(

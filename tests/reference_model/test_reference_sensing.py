@@ -49,14 +49,14 @@ def test_noise_of_a_channel_does_not_depend_on_other_sensors() -> None:
     np.testing.assert_array_equal(alone["x.torque"], both["x.torque"])
 
 
-def test_a_robot_without_sensors_is_measured_everywhere() -> None:
+def test_a_robot_without_sensors_records_every_channel() -> None:
     truth, measured = simulate(robot(), sensors=False), simulate(robot())
     assert set(truth) == set(measured)
     for name in truth:
         np.testing.assert_array_equal(truth[name], measured[name])
 
 
-def test_sensor_effects_change_what_is_said_and_no_motion() -> None:
+def test_sensor_effects_change_readings_but_not_the_motion() -> None:
     effect = {"effect": "sensor_offset", "at": "x.position", "offset": 0.25}
     honest, faulty = simulate(robot()), simulate(robot(effects=[effect]))
     np.testing.assert_allclose(faulty["x.position"] - honest["x.position"], 0.25, atol=1e-15)
@@ -87,7 +87,7 @@ def test_actuator_effects_act_on_the_commanded_torque() -> None:
     assert not np.any(recording["x.friction_torque"])  # no friction law
 
 
-def test_a_lag_begins_with_the_first_command_and_follows_it() -> None:
+def test_a_lag_starts_at_the_first_command() -> None:
     lag = {"effect": "actuator_lag", "at": "x", "time_constant": 0.05}
     fed = {**CONTROL, "gravity_feedforward": True}
     still = simulate(axis(fed, effects=[lag]), sensors=False)
@@ -113,7 +113,7 @@ def test_modifiers_count_as_friction() -> None:
     np.testing.assert_allclose(recording["x.friction_torque"], wanted, atol=1e-9)
 
 
-def test_a_short_push_during_a_rest_is_not_stepped_over() -> None:
+def test_a_short_push_at_rest_is_not_skipped_by_the_integrator() -> None:
     push = {"effect": "external_torque", "at": "x", "torque": 50.0, "start": 3.0, "duration": 0.02}
     control = {**CONTROL, "gravity_feedforward": True}
     recording = simulate(axis(control, effects=[push]), sensors=False)

@@ -108,7 +108,7 @@ def test_recorded_torques_and_friction_explain_the_recorded_motion(base: str) ->
     np.testing.assert_allclose(need[:, -3:], given, atol=tolerance * (1 + np.abs(need).max()))
 
 
-def test_load_dependent_friction_agrees_with_the_loads_it_causes() -> None:
+def test_load_dependent_friction_is_consistent_with_its_loads() -> None:
     """The loop is closed: friction is mu W(accelerations that this friction allows)."""
     effect = {"effect": "load_dependent_friction", "at": "joint1", "coefficient": 0.8, "gear_share": 0.0}
     robot = moving_robot("fixed", [effect], gravity=True)
@@ -186,14 +186,14 @@ def test_a_simulation_is_the_same_each_time_and_its_noise_follows_the_seed() -> 
     assert np.any(one["joint0.torque"] != other["joint0.torque"])
 
 
-def test_a_hopeless_integration_says_when_and_in_which_state() -> None:
+def test_a_failed_integration_reports_time_and_state() -> None:
     wild = {"kind": "pd", "kp": -500.0, "kd": -500.0}
     robot = moving_robot("fixed", [], controller=wild)
     with pytest.raises(InputError, match=r"stopped after t = .* s .*joint0 at .* rad/s.*try"):
         simulate(robot)
 
 
-def test_what_cannot_be_simulated_is_refused() -> None:
+def test_unsupported_robots_are_refused() -> None:
     robot = moving_robot("fixed", [])
     with pytest.raises(InputError, match="reference"):
         simulate(robot.model_copy(update={"reference": None}))

@@ -95,7 +95,7 @@ def stepped(tables: Tables, steps: int) -> tuple[Array, Array, float]:
 
 
 @pytest.mark.parametrize("tables", [RODAS4, RODAS5P], ids=["order 4", "order 5"])
-def test_results_errors_and_interpolation_have_their_orders(tables: Tables) -> None:
+def test_results_errors_and_interpolation_have_their_nominal_orders(tables: Tables) -> None:
     finest = stepped(RODAS5P, 400)[0]
     ends = [np.abs(stepped(tables, steps)[0] - finest).max() for steps in (20, 40)]
     assert np.log2(ends[0] / ends[1]) == pytest.approx(tables.order, abs=0.3)
@@ -119,7 +119,7 @@ def test_results_errors_and_interpolation_have_their_orders(tables: Tables) -> N
     assert np.log2(halves[0] / halves[1]) > tables.order - 0.5  # a step's error is of one order more
 
 
-def test_both_are_stable_however_stiff() -> None:
+def test_both_methods_are_stable_for_any_stiffness() -> None:
     """On x' = z x the result over x tends to zero with z to minus infinity, and stays below one."""
     for tables in (RODAS4, RODAS5P):
         for z in (-1.0, -30.0, -1e3, -1e9):
@@ -141,7 +141,7 @@ def test_both_are_stable_however_stiff() -> None:
         ("flexible_space_robot_planar", "slosh"),
     ],
 )
-def test_derivatives_before_solving_are_those_of_the_solution(name: str, uses: str) -> None:
+def test_implicit_derivatives_equal_those_of_the_solution(name: str, uses: str) -> None:
     robot = load_robot(name)
     chosen = {
         "loads": at_joints(robot, LOADED),
@@ -173,7 +173,7 @@ def test_derivatives_before_solving_are_those_of_the_solution(name: str, uses: s
 
 
 @compiled_only
-def test_it_finds_what_cvodes_finds_where_bristles_follow_loads() -> None:
+def test_it_agrees_with_cvodes_for_load_dependent_bristles() -> None:
     robot = load_robot("two_link_arm")
     robot = short("two_link_arm", *at_joints(robot, LOADED), duration=1.0)
     ours = simulate(robot, sensors=False, integrator="rosenbrock", rtol=1e-9, atol=1e-11)
@@ -190,7 +190,7 @@ def test_it_finds_what_cvodes_finds_where_bristles_follow_loads() -> None:
         ("two_link_arm", [{**ELASTIC, "at": "joint1"}]),
     ],
 )
-def test_it_finds_what_cvodes_finds_with_bending_links_sloshing_and_gears(
+def test_it_agrees_with_cvodes_for_flexible_links_slosh_and_gears(
     name: str, uses: list[dict[str, object]]
 ) -> None:
     robot = short(name, *uses, duration=0.3)
@@ -201,7 +201,7 @@ def test_it_finds_what_cvodes_finds_with_bending_links_sloshing_and_gears(
 
 
 @compiled_only
-def test_bristles_cost_it_few_steps_and_its_error_follows_the_tolerance() -> None:
+def test_bristles_need_few_steps_and_the_error_follows_the_tolerance() -> None:
     robot = load_robot("two_link_arm")
     robot = short("two_link_arm", *at_joints(robot, LUGRE), duration=2.0)
     run, time = RosenbrockRun(Plant(robot), reference_function(robot)), np.linspace(0.0, 2.0, 11)
@@ -218,7 +218,7 @@ def test_bristles_cost_it_few_steps_and_its_error_follows_the_tolerance() -> Non
 
 
 @compiled_only
-def test_between_its_steps_it_is_as_exact_as_at_their_ends_and_leaves_nothing_behind() -> None:
+def test_dense_output_is_as_accurate_as_the_steps_and_runs_are_independent() -> None:
     robot = short("two_link_arm", duration=1.0)
     run = RosenbrockRun(Plant(robot), reference_function(robot))
     coarse, fine = np.linspace(0.0, 1.0, 3), np.linspace(0.0, 1.0, 501)
@@ -234,7 +234,7 @@ def test_between_its_steps_it_is_as_exact_as_at_their_ends_and_leaves_nothing_be
 
 
 @compiled_only
-def test_what_it_cannot_do_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_unsupported_runs_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     robot = short("two_link_arm", duration=0.1)
     with pytest.raises(InputError, match="integrators of their own"):
         simulate(robot, integrator="rosenbrock", stiction=True)

@@ -50,7 +50,7 @@ def test_a_block_on_an_incline_holds_without_creep(friction: dict) -> None:
     np.testing.assert_allclose(recording["slide.friction_torque"], -MASS * GRAVITY * np.sin(0.2), rtol=1e-12)
 
 
-def test_a_sliding_block_stops_and_the_place_is_wrong_by_less_than_one_step() -> None:
+def test_a_sliding_block_stops_within_one_step_of_the_exact_position() -> None:
     braking = GRAVITY * (0.3 * np.cos(0.2) - np.sin(0.2))
     for step in (0.05, 0.01):
         recording = stopping(block(on_load("slide", 0.3), tilt=0.2, velocity=1.0, rate=20.0), step)
@@ -76,7 +76,7 @@ def test_it_breaks_away_within_a_step_of_the_static_level() -> None:
 
 
 @pytest.mark.proof
-def test_it_approaches_exact_stiction_with_the_step() -> None:
+def test_it_converges_to_exact_stiction_with_the_step() -> None:
     robot = slow_arm()
     exact = simulate(robot, sensors=False, stiction=True)
     assert 0.02 < exact["joint1.sticking"].mean() < 0.9
@@ -90,7 +90,7 @@ def test_it_approaches_exact_stiction_with_the_step() -> None:
 
 
 @pytest.mark.proof
-def test_both_engines_stop_alike() -> None:
+def test_engines_agree_on_stopping() -> None:
     robot = slow_arm()
     apart = []
     for step in (2.5e-3, 6.25e-4):
@@ -107,7 +107,7 @@ def test_both_engines_stop_alike() -> None:
     assert max(apart[1]) < max(apart[0]) / 2
 
 
-def test_a_smoothed_law_cannot_take_these_steps() -> None:
+def test_smoothed_friction_is_unstable_at_these_steps() -> None:
     robot = slow_arm()
     exact = simulate(robot, sensors=False, stiction=True)["joint1.velocity"]
     smoothed = simulate(robot, sensors=False, step=2.5e-3)["joint1.velocity"]
@@ -115,7 +115,7 @@ def test_a_smoothed_law_cannot_take_these_steps() -> None:
     assert np.abs(smoothed - exact).max() > 5 * np.abs(stopped - exact).max()
 
 
-def test_the_boxed_solution_obeys_its_conditions() -> None:
+def test_the_box_constrained_solution_satisfies_its_conditions() -> None:
     draw = np.random.default_rng(0)
     for _ in range(50):
         root = draw.normal(size=(4, 4))
@@ -128,12 +128,12 @@ def test_the_boxed_solution_obeys_its_conditions() -> None:
         assert np.all(w[x == high] <= 1e-9)
 
 
-def test_what_it_does_not_carry_is_said() -> None:
+def test_unsupported_effects_are_refused() -> None:
     with pytest.raises(InputError, match="no steps in which friction stops"):
         exudyn_model.simulate(slow_arm(), stiction=True)
 
 
-def test_a_motion_that_runs_away_says_when() -> None:
+def test_a_diverging_motion_reports_its_time() -> None:
     wild = block(
         of_torque("slide", 4.0),
         velocity=1.0,

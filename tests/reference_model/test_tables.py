@@ -56,7 +56,7 @@ def along_tables() -> Robot:
 
 
 @pytest.mark.parametrize("degree", DEGREES)
-def test_a_table_and_its_rates_are_those_of_the_spline_at_its_knots_and_between(degree: int) -> None:
+def test_a_table_and_its_derivatives_match_the_spline_at_and_between_knots(degree: int) -> None:
     """Integrators with exact slopes differentiate the acceleration by time as well."""
     reference = reference_function(along_tables())
     time, own = ca.MX.sym("t"), degree - DEGREES[0]
@@ -77,7 +77,7 @@ def followed_exactly() -> Recording:
 
 @pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plain"])
 @pytest.mark.parametrize("integrator", ["implicit", "explicit", "rosenbrock"])
-def test_every_integrator_follows_tables_under_a_continuous_controller(
+def test_every_integrator_supports_tables_with_a_continuous_controller(
     integrator: Integrator, compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if compiled and compiler() is None:

@@ -335,7 +335,7 @@ def test_engines_agree_on_friction_of_coupled_motors_that_move_flexible_links() 
         assert rubbed > 5e-3 * np.ptp(own[channel])
 
 
-def test_dynamics_of_coupled_rotors_by_two_ways() -> None:
+def test_two_formulations_agree_on_coupled_rotors() -> None:
     rng = np.random.default_rng(1)
     model = RobotModel(wrist())
     q, qd, qdd = rng.normal(size=(3, 5, 3))
@@ -377,6 +377,6 @@ def test_exact_stiction_of_a_coupled_motor_is_refused(
 
 
 @engines
-def test_a_gear_sits_at_a_motor_and_not_at_its_joint(run: Callable[[Robot], Recording]) -> None:
+def test_gear_effects_are_at_motors_and_not_at_joints(run: Callable[[Robot], Recording]) -> None:
     with pytest.raises(InputError, match=r"at 'roll': it can sit at|it can sit at .* not at 'roll'"):
         run(wrist(at("joint_elasticity", "roll", stiffness=1e3)))

@@ -1,4 +1,4 @@
-"""A controller believes in the robot as described, whatever the robot is."""
+"""A controller uses the robot as described, whatever effects the robot has."""
 
 from __future__ import annotations
 
@@ -33,9 +33,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("robot", "use"), quick_places(CASES, 0, 1, 2, 5))
-def test_its_command_is_that_of_the_described_robot_in_the_measured_state(
-    robot: Robot, use: EffectUse
-) -> None:
+def test_the_command_is_that_of_the_nominal_robot_in_the_measured_state(robot: Robot, use: EffectUse) -> None:
     real, described = Plant(robot.with_effects(use)), Plant(robot)
     rng = np.random.default_rng(5)
     state = 0.1 * rng.normal(size=real.layout.size)
@@ -59,6 +57,6 @@ def test_its_command_is_that_of_the_described_robot_in_the_measured_state(
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_a_robot_without_such_effects_is_itself() -> None:
+def test_a_robot_without_structure_effects_is_unchanged() -> None:
     robot = load_robot("six_joint_space_arm")
     assert truth_of(robot).robot is robot

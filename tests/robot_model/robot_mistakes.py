@@ -1,4 +1,4 @@
-"""Every kind of mistake in a robot file with the sentence that must be said of it."""
+"""Every kind of mistake in a robot file, with the error message expected for it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOOSE = (FOLDER / "loose.toml").read_text()
 
 @dataclass(frozen=True)
 class Mistake:
-    """In the text `valid`, `old` written as `new` must be refused with `sentence`, after the file's name."""
+    """In the text `valid`, `old` written as `new` must be rejected with `sentence`, after the file's name."""
 
     kind: str
     old: str

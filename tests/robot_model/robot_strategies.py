@@ -53,7 +53,7 @@ positive = st.floats(1e-3, 1e3)
 not_negative = st.just(0.0) | positive
 vectors = st.tuples(numbers, numbers, numbers)
 #: Lengths of a robot whose joints leave it free to fold in every way: whether the lightest part of it moves
-#: any inertia can be told from rounding only where the rest is not kilometres away.
+#: an inertia is distinguishable from rounding only if the rest is not kilometres away.
 near = st.tuples(*[st.floats(-10, 10)] * 3)
 texts = st.text(max_size=40)
 words = st.from_regex(r"[A-Za-z][A-Za-z0-9_-]{0,8}", fullmatch=True)
@@ -264,7 +264,7 @@ def gains(count: int) -> SearchStrategy:
 
 @st.composite
 def controllers(draw: DrawFn, moving: list[Joint], *, free: bool) -> Controller:
-    """A controller of these joints; a friction in proportion to load only where a bearing tells the load."""
+    """A controller of these joints; load-proportional friction only where a bearing gives the load."""
     kind = draw(st.sampled_from([NoController, JointPD, ComputedTorque, SlidingMode, VoltageServo]))
     if kind is NoController:
         return NoController()

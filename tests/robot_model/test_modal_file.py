@@ -1,4 +1,4 @@
-"""The file of a modal body: what is in it is read, and whatever is wrong with it is one sentence."""
+"""The file of a modal body: its contents are read, and any mistake gives one error message."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_column_order_and_compression(path: Path) -> None:
     assert np.array_equal(read_modal_file(path).nodes, NODES)
 
 
-def test_rounding_of_single_precision_is_no_asymmetry(path: Path) -> None:
+def test_single_precision_rounding_is_not_an_asymmetry(path: Path) -> None:
     found = read_modal_file(written(path, stiffness=STIFFNESS + 1e-6 * np.arange(81).reshape(9, 9) / 81))
     assert np.array_equal(found.stiffness.toarray(), found.stiffness.toarray().T)
 
@@ -197,7 +197,7 @@ def test_something_else(path: Path) -> None:
     assert refusal(path).startswith(f"{path} is not an NPZ file, or a damaged one: ")
 
 
-def test_a_bomb_is_not_unpacked(path: Path) -> None:
+def test_a_decompression_bomb_is_not_unpacked(path: Path) -> None:
     """Two gibibytes of zeros in some kilobytes; a header that claims more than is there."""
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(
@@ -208,7 +208,9 @@ def test_a_bomb_is_not_unpacked(path: Path) -> None:
     assert refusal(path).endswith("an array may have 512 MiB. Reduce the mesh, or give sparse matrices.")
 
 
-def test_large_dense_matrices_are_asked_for_as_sparse(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_dense_matrices_are_refused_in_favour_of_sparse_ones(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(modal_file, "MOST_DENSE_ROWS", 8)
     assert refusal(written(path)).endswith(
         "mass is 9 x 9; above 8 rows give it as mass_data, mass_indices, mass_indptr (compressed rows)."
@@ -217,7 +219,7 @@ def test_large_dense_matrices_are_asked_for_as_sparse(path: Path, monkeypatch: p
     assert refusal(written(path)).endswith("nodes has 3 of them and may have 2; reduce the mesh.")
 
 
-def test_large_matrices_are_judged_alike(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_matrices_pass_the_same_checks(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(modal_file, "DENSE_ROWS", 2)
     assert read_modal_file(written(path)).mass.shape == (9, 9)
     for kind in ("without mass", "mass indefinite", "stiffness indefinite"):
@@ -236,15 +238,15 @@ np.savez(WHOLE, nodes=NODES, mass=MASS, stiffness=STIFFNESS)
     end=st.none() | st.integers(0, len(WHOLE.getvalue())),
 )
 def test_damaged_files(path: Path, places: list[int], values: list[int], end: int | None) -> None:
-    """Bytes changed or cut off: the file is read, or refused with one sentence; nothing else happens."""
+    """Bytes changed or cut off: the file is read, or rejected with one error message."""
     data = bytearray(WHOLE.getvalue())
     for place, value in zip(places, values):
         data[place] = value
     path.write_bytes(bytes(data[:end]))
-    read_or_told(path)
+    read_or_rejected(path)
 
 
-def read_or_told(path: Path) -> None:
+def read_or_rejected(path: Path) -> None:
     refused = ""
     try:
         found = read_modal_file(path)
@@ -271,7 +273,7 @@ arrays = npst.arrays(
 )
 @pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # of the cast from float128
 def test_arrays_of_any_kind(path: Path, given: dict[str, np.ndarray]) -> None:
-    read_or_told(written(path, **given))
+    read_or_rejected(written(path, **given))
 
 
 @pytest.mark.fuzz
@@ -285,7 +287,7 @@ def test_one_entry_of_any_value(path: Path, where: tuple[int, int], value: float
     matrix = changed(
         changed({"mass": MASS, "stiffness": STIFFNESS}[name], row, column, value), column, row, value
     )
-    read_or_told(written(path, **{name: matrix}))
+    read_or_rejected(written(path, **{name: matrix}))
 
 
 ROBOT = """
@@ -295,7 +297,7 @@ joints = [ { name = "joint1", parent = "base", child = "link1" } ]
 """
 
 
-def test_it_is_looked_for_beside_the_robot_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_path_is_relative_to_the_robot_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "parts").mkdir()
     written(tmp_path / "parts" / "body.npz")
     (tmp_path / "arm.toml").write_text(ROBOT)
@@ -305,7 +307,7 @@ def test_it_is_looked_for_beside_the_robot_file(tmp_path: Path, monkeypatch: pyt
     assert modal.file == str(tmp_path / "parts" / "body.npz")
 
 
-def test_a_misspelt_file_names_its_neighbour(tmp_path: Path) -> None:
+def test_a_misspelt_file_suggests_the_nearest(tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     written(tmp_path / "parts" / "boby.npz")
     robot = tmp_path / "arm.toml"

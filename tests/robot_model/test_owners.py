@@ -1,4 +1,4 @@
-"""What dead processes left is removed, and nothing of living ones."""
+"""Leftover files of dead processes are removed, those of running ones kept."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from robot_model import write_atomically
 from robot_model.system.owners import WRITING, fresh_name, held, own_prefix, remove_left
 
-#: Begins something in the folder that it is given, says so, and waits to be told to end or killed.
+#: Program that starts to write in the given folder, prints so, and waits for input or a kill.
 BEGUN = """
 import sys
 from pathlib import Path
@@ -37,7 +37,7 @@ def begun_in(folder: Path) -> subprocess.Popen[str]:
     return process
 
 
-def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
+def test_files_of_a_killed_process_are_removed(tmp_path: Path) -> None:
     process = begun_in(tmp_path)
     begun = set(tmp_path.iterdir())
     assert len(begun) == 2
@@ -52,7 +52,7 @@ def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
     process.communicate()
 
 
-def test_the_next_file_removes_what_is_left(tmp_path: Path) -> None:
+def test_the_next_file_removes_remains(tmp_path: Path) -> None:
     process = begun_in(tmp_path)
     process.kill()
     process.communicate()
@@ -60,7 +60,7 @@ def test_the_next_file_removes_what_is_left(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
 
 
-def test_another_process_with_the_same_number_is_not_its_maker(tmp_path: Path) -> None:
+def test_another_process_with_the_same_id_is_not_the_owner(tmp_path: Path) -> None:
     mine, other = tmp_path / f"{own_prefix(WRITING)}abcd", tmp_path / f"{WRITING}{os.getpid()}-1-abcd"
     for path in (mine, other):
         path.touch()
@@ -80,7 +80,7 @@ def test_a_process_of_another_container_is_known_by_its_lock(tmp_path: Path, kin
     assert not path.exists()
 
 
-def test_what_a_name_points_at_is_not_removed(tmp_path: Path) -> None:
+def test_the_target_of_a_link_is_not_removed(tmp_path: Path) -> None:
     target = tmp_path / "target"
     target.mkdir()
     (target / "file").touch()
@@ -91,7 +91,7 @@ def test_what_a_name_points_at_is_not_removed(tmp_path: Path) -> None:
     assert (target / "file").exists()
 
 
-def test_names_are_new_every_time(tmp_path: Path) -> None:
+def test_names_are_unique(tmp_path: Path) -> None:
     assert fresh_name() != fresh_name()
     remove_left(tmp_path / "not there", WRITING)
 

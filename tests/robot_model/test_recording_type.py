@@ -1,4 +1,4 @@
-"""The `Recording` type: what it refuses, what it promises."""
+"""The `Recording` type: inputs it rejects and properties it guarantees."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def recording(time: NDArray[np.float64] | list[float], **names: object) -> Recor
     return Recording(time=time, channels={"joint1.position": np.arange(len(time))}, source="log.csv", **names)  # type: ignore[arg-type]
 
 
-def test_arrays_are_copies_that_nobody_can_write() -> None:
+def test_arrays_are_read_only_copies() -> None:
     time, position = np.arange(3.0), np.ones(3)
     made = Recording(time=time, channels={"joint1.position": position})
     time[0], position[0] = -5.0, 9.0
@@ -33,7 +33,7 @@ def test_arrays_are_copies_that_nobody_can_write() -> None:
             column[0] = 7.0
 
 
-def test_mappings_are_copies_that_nobody_can_write() -> None:
+def test_mappings_are_read_only_copies() -> None:
     noise = {"joint1.position": 1e-3}
     made = recording([0.0, 1.0], noise=noise)
     noise["joint1.position"] = 5.0
@@ -52,7 +52,7 @@ def test_mappings_are_copies_that_nobody_can_write() -> None:
         ([np.inf, 1.0], "time is not a number at row 0 of log.csv."),
     ],
 )
-def test_time_must_be_numbers_that_rise(time: list[float], sentence: str) -> None:
+def test_time_must_be_increasing_numbers(time: list[float], sentence: str) -> None:
     with pytest.raises(InputError) as caught:
         recording(time)
     assert str(caught.value) == sentence
@@ -85,7 +85,7 @@ def test_a_missing_channel_suggests_the_nearest() -> None:
 
 
 @given(times, st.floats(-2e6, 2e6), st.floats(-2e6, 2e6))
-def test_windows_cut_a_recording_without_loss(time: NDArray[np.float64], a: float, b: float) -> None:
+def test_adjacent_windows_partition_a_recording(time: NDArray[np.float64], a: float, b: float) -> None:
     made = recording(time)
     first, second = min(a, b), max(a, b)
     parts = [made.window(*ends) for ends in ((-np.inf, first), (first, second), (second, np.inf))]
@@ -95,7 +95,7 @@ def test_windows_cut_a_recording_without_loss(time: NDArray[np.float64], a: floa
     assert np.all((parts[1].time >= first) & (parts[1].time < second))
 
 
-def test_windows_keep_what_is_known() -> None:
+def test_windows_keep_noise_and_resolution() -> None:
     made = recording([0.0, 1.0, 2.0], noise={"joint1.position": 1e-3}, resolution={"joint1.position": 1e-4})
     cut = made.window(0.5, 2.0)
     assert list(cut.time) == [1.0]

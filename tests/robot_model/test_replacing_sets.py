@@ -1,4 +1,4 @@
-"""Several files are one unit: whatever ends the program, a folder holds the old set or the new one."""
+"""Several files are replaced as a unit: however the program ends, a folder holds the old set or the new."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def folder_with(tmp_path: Path, *, alone: bool) -> Path:
 
 
 @pytest.mark.parametrize("alone", [True, False])
-def test_a_process_that_is_killed_leaves_one_set(tmp_path: Path, alone: bool) -> None:
+def test_a_killed_process_leaves_one_complete_set(tmp_path: Path, alone: bool) -> None:
     """Killed before every change of the disk in turn; beside other files the next run does the rest."""
     mine = {} if alone else {"mine.csv": "of the user", "below/mine.csv": "of the user"}
     outcomes, count, code = [], 0, -signal.SIGKILL
@@ -110,7 +110,7 @@ def test_a_process_that_is_killed_leaves_one_set(tmp_path: Path, alone: bool) ->
     assert outcomes.count("new") > (1 if alone else 8)
 
 
-def test_a_process_that_is_killed_makes_a_folder_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_a_killed_process_creates_a_complete_folder_or_none(tmp_path: Path) -> None:
     count, code = 0, -signal.SIGKILL
     while code == -signal.SIGKILL:
         folder = tmp_path / str(count) / "deep" / "out"
@@ -125,7 +125,7 @@ def test_a_process_that_is_killed_makes_a_folder_whole_or_not_at_all(tmp_path: P
 
 
 @pytest.mark.parametrize("alone", [True, False])
-def test_the_next_set_removes_what_a_killed_process_left(tmp_path: Path, alone: bool) -> None:
+def test_the_next_set_removes_remains_of_a_killed_process(tmp_path: Path, alone: bool) -> None:
     folder = folder_with(tmp_path, alone=alone)
 
     def dying() -> None:
@@ -181,7 +181,7 @@ def test_a_file_that_may_not_grow_leaves_the_old_set(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("refused", [3, 6])
-def test_a_refusal_half_way_through_brings_the_old_set_back(
+def test_a_refusal_half_way_restores_the_old_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: int
 ) -> None:
     folder = folder_with(tmp_path, alone=False)
@@ -201,7 +201,7 @@ def test_a_refusal_half_way_through_brings_the_old_set_back(
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_an_interrupt_waits_until_the_set_is_in_place(
+def test_an_interrupt_is_deferred_until_the_set_is_in_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = folder_with(tmp_path, alone=False)
@@ -228,7 +228,7 @@ def test_the_working_folder_stays_the_same_one(tmp_path: Path, monkeypatch: pyte
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_a_link_to_a_folder_stays_one(tmp_path: Path) -> None:
+def test_a_link_to_a_folder_stays_a_link(tmp_path: Path) -> None:
     folder = folder_with(tmp_path / "elsewhere", alone=True)
     (tmp_path / "link").symlink_to(folder)
     placed(NEW, tmp_path / "link")

@@ -1,4 +1,4 @@
-"""Whatever stands in a robot file: a valid robot comes out, or one sentence that a person can act on."""
+"""Any text as a robot file gives a valid robot or one error message that a user can act on."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ anything = st.recursive(
 
 
 def robot_or_sentence(text: str) -> None:
-    """Load the text; when it is refused, the refusal must be a proper sentence naming the file."""
+    """Load the text; if it is rejected, the message must be a proper sentence naming the file."""
     try:
         robot = robot_from_toml(text, source="arm.toml")
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Each kind of mistake in a robot file is told in one sentence with file, key and value."""
+"""Each kind of mistake in a robot file gives one error message with file, key and value."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_sentence(mistake: Mistake, tmp_path: Path) -> None:
     assert refusal(path) == mistake.told_of(path)
 
 
-def test_missing_file_names_its_neighbour(tmp_path: Path) -> None:
+def test_missing_file_suggests_the_nearest(tmp_path: Path) -> None:
     (tmp_path / "arm.toml").write_text(VALID)
     message = refusal(tmp_path / "arn.toml")
     assert "arn.toml is neither a file nor a shipped robot; did you mean" in message
@@ -42,7 +42,7 @@ def test_misspelt_shipped_robot() -> None:
     )
 
 
-def test_a_name_near_nothing_lists_what_is_shipped() -> None:
+def test_an_unknown_name_lists_the_shipped_robots() -> None:
     assert refusal("q" * 20) == (
         f"{'q' * 20} is neither a file nor a shipped robot; the shipped robots are "
         f"{', '.join(shipped_robots())}."
@@ -54,7 +54,7 @@ def test_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "a\0b", "a\nb", "", "no/such/folder/arm.toml"])
-def test_names_that_no_file_can_have(name: str) -> None:
+def test_names_that_are_invalid_for_files(name: str) -> None:
     assert refusal(name).isprintable()
 
 

@@ -20,7 +20,7 @@ SOME = 8
         for place, mistake in enumerate(MISTAKES)
     ],
 )
-def test_simulate_says_it_and_writes_nothing(
+def test_simulate_reports_the_mistake_and_writes_nothing(
     mistake: Mistake,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -32,8 +32,8 @@ def test_simulate_says_it_and_writes_nothing(
     monkeypatch.setattr("sys.argv", ["missing-physics", "simulate", str(path), "--out", str(out)])
     with pytest.raises(SystemExit) as left:
         main()
-    said = capsys.readouterr()
+    printed = capsys.readouterr()
     assert left.value.code == UNUSABLE_INPUT
-    assert said.err == f"missing-physics: {mistake.told_of(path)}\n"
-    assert said.out == ""
+    assert printed.err == f"missing-physics: {mistake.told_of(path)}\n"
+    assert printed.out == ""
     assert [item.name for item in tmp_path.iterdir()] == ["arm.toml"]

@@ -10,14 +10,14 @@ from robot_strategies import robots
 
 from robot_model import Robot, load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
 
-# A whole robot is a large draw, which says nothing about the code.
+# A whole robot is a large draw; this is expected.
 large_draw = settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 
 
 @pytest.mark.fuzz
 @large_draw
 @given(robots())
-def test_text_and_back_is_exact(robot: Robot) -> None:
+def test_toml_text_round_trips_exactly(robot: Robot) -> None:
     text = robot_to_toml(robot)
     again = robot_from_toml(text)
     assert again == robot
@@ -27,7 +27,7 @@ def test_text_and_back_is_exact(robot: Robot) -> None:
 @pytest.mark.fuzz
 @large_draw
 @given(robots())
-def test_each_joint_stands_after_the_one_that_carries_it(robot: Robot) -> None:
+def test_each_joint_comes_after_the_one_that_carries_it(robot: Robot) -> None:
     reached = {"base"}
     for joint in robot.tree:
         assert joint.parent in reached
@@ -45,7 +45,7 @@ def test_shipped_robots_load_by_name_and_survive_a_file(name: str, tmp_path: Pat
     assert [path.name for path in tmp_path.iterdir()] == ["robot.toml"]
 
 
-def test_a_file_goes_before_a_shipped_robot_of_its_name(
+def test_a_file_takes_precedence_over_a_shipped_robot_of_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -53,7 +53,7 @@ def test_a_file_goes_before_a_shipped_robot_of_its_name(
     assert load_robot("single_axis").name == "mine"
 
 
-def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_accepted(tmp_path: Path) -> None:
     (tmp_path / "r.toml").write_bytes(b'\xef\xbb\xbfname = "mine"\nlinks = []\njoints = []\n')
     assert load_robot(tmp_path / "r.toml").name == "mine"
 

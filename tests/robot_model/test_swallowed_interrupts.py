@@ -1,4 +1,4 @@
-"""Interrupts that a library swallows come out; those of short stretches wait."""
+"""Interrupts that a library swallows are raised; those in short protected sections wait."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ def taken_for_a_fault() -> None:
 
 
 @pytest.mark.parametrize("library", [interrupt, swallowed, taken_for_a_fault])
-def test_an_interrupt_leaves_the_block_whatever_is_made_of_it(library: Callable[[], None]) -> None:
+def test_an_interrupt_leaves_the_block_even_if_a_library_swallows_it(library: Callable[[], None]) -> None:
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt), interruptible():
         library()
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_a_fault_without_an_interrupt_stays_one() -> None:
+def test_an_error_without_an_interrupt_is_unchanged() -> None:
     with pytest.raises(RuntimeError, match="check your code"), interruptible():
         raise RuntimeError("check your code")
 
 
-def test_a_signal_that_is_ignored_stays_ignored() -> None:
+def test_an_ignored_signal_stays_ignored() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         with interruptible():
@@ -65,7 +65,7 @@ def test_it_may_be_called_outside_the_main_thread() -> None:
     assert done == ["work"]
 
 
-def test_an_interrupt_waits_for_the_end_of_a_short_stretch() -> None:
+def test_an_interrupt_is_deferred_to_the_end_of_a_block() -> None:
     done: list[str] = []
 
     def stretch() -> None:

@@ -1,4 +1,4 @@
-"""Files that another process may have made to mislead are read as plain files or not at all."""
+"""Files that another process may have tampered with are read only if they are plain files."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_plain_files_are_read_and_no_others(folder: Path) -> None:
+def test_only_plain_files_are_read(folder: Path) -> None:
     (folder / "out" / "other.txt").write_bytes(b"not asked for")
     assert untrusted_files(folder, "out", NAMES) == {"robot.toml": b"robot"}
 
 
 @pytest.mark.parametrize("kind", ["symbolic", "hard", "pipe", "folder", "large"])
-def test_what_is_no_plain_file_is_left_out(folder: Path, kind: str) -> None:
+def test_other_files_than_plain_ones_are_omitted(folder: Path, kind: str) -> None:
     place = folder / "out" / "answer.json"
     if kind == "symbolic":
         place.symlink_to(folder / "secret")

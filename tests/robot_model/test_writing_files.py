@@ -1,4 +1,4 @@
-"""A file is written whole or not at all."""
+"""A file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_file_in_the_place_of_a_folder_is_unusable_input(tmp_path: Path) -> No
     assert names(tmp_path) == ["file"]
 
 
-def test_a_folder_for_results_is_looked_at_before_there_are_any(tmp_path: Path) -> None:
+def test_a_folder_for_results_is_checked_beforehand(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     require_folder(tmp_path)
     require_folder(tmp_path / "not" / "yet")
@@ -75,7 +75,7 @@ def test_a_folder_in_the_place_of_the_file_is_unusable_input(tmp_path: Path) -> 
     assert names(tmp_path) == ["a.txt"]
 
 
-def test_a_file_is_as_open_as_the_umask_lets_it_be(tmp_path: Path) -> None:
+def test_a_file_has_the_permissions_of_the_umask(tmp_path: Path) -> None:
     for umask in (0o077, 0o002):
         before = os.umask(umask)
         try:

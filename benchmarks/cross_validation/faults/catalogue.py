@@ -1,4 +1,4 @@
-"""Every kind of fault that is seeded."""
+"""All seeded faults."""
 
 from __future__ import annotations
 

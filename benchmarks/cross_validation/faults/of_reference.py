@@ -1,4 +1,4 @@
-"""Faults that are seeded into the reference model."""
+"""Faults seeded into the reference model."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _first_only(error: Any) -> Any:
 
 
 def _with_apparent(rate: Any) -> Any:
-    """omega x v of the base's velocity in base axes forgotten: put back what is taken off."""
+    """omega x v of the base's velocity in base axes missing: adds the subtracted term again."""
 
     def changed(self: Any, parts: Any, *a: Any, **k: Any) -> Any:
         column = rate(self, parts, *a, **k)
@@ -71,12 +71,12 @@ def _half_span(load: Any) -> Any:
 
 
 def _transposed(_: Any) -> Any:
-    """m = C q with the matrix on its side."""
+    """m = C q with the transposed matrix."""
     return lambda self, joints: joints if self._backward is None else self._backward.T @ joints
 
 
 def _forces_of_joints(_: Any) -> Any:
-    """Forces on the joints from the motors by the matrix that leads the other way."""
+    """Forces on the joints from the motors by the inverse matrix."""
     return lambda self, force: force if self._forward is None else self._forward.T @ force
 
 

@@ -1,4 +1,4 @@
-"""Faults that are seeded into the Exudyn twin."""
+"""Faults seeded into the Exudyn twin."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _hertz(shapes: Any) -> Any:
 
 
 def _unbent(add: Any) -> Any:
-    """The weight's moment without S0 x: modes get their share, the frame that of the undeformed body."""
+    """Gravity moment without S0 x: modes get their part, the frame that of the undeformed body."""
 
     def weigh(mbs: Any, nodes: Any, moments: Any, surplus: Any, gravity: Any) -> Any:
         moved, still = moments.first[:, 1:], moments.first.copy()
@@ -119,7 +119,7 @@ def _unbent(add: Any) -> Any:
 
 
 def _straight(motion: Any) -> Any:
-    """Nodes where the straight link has them."""
+    """Nodes at the positions of the straight link."""
 
     def changed(self: Any, node: int, x: Any, v: Any) -> Any:
         found = motion(self, node, x, v)
@@ -130,7 +130,7 @@ def _straight(motion: Any) -> Any:
 
 
 def _unturned(motion: Any) -> Any:
-    """A joint's frame that does not turn with its node."""
+    """A joint's frame that does not rotate with its node."""
 
     def changed(self: Any, link: Any, index: int) -> None:
         motion(self, link, index)
@@ -140,7 +140,7 @@ def _unturned(motion: Any) -> Any:
 
 
 def _modes_held(needed: Any) -> Any:
-    """Modal rates forgotten in the controller's model."""
+    """Modal rates missing in the controller's model."""
 
     def changed(self: Any, *a: Any, inner: Any = None, **k: Any) -> Any:
         return needed(self, *a, inner=inner and replace(inner, modal_rates=0 * inner.modal_rates), **k)
@@ -157,12 +157,12 @@ def _errors_alone(_: Any) -> Any:
 
 
 def _forces_as_motion(_: Any) -> Any:
-    """q = T m taken for forces, too: what the joints get is not what the motors give."""
+    """q = T m used for forces too: the joint forces are wrong."""
     return lambda self, motors: self.to_joints(motors)
 
 
 def _each_alone(inertia: Any) -> Any:
-    """Rotors without what an acceleration of one joint asks of the other."""
+    """Rotors without the inertial coupling of joints."""
     return lambda self, *a, **k: np.diag(np.diag(inertia(self, *a, **k)))
 
 

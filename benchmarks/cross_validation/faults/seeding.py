@@ -1,7 +1,7 @@
-"""Seeded faults: does the cross-validation see what it is there for?
+"""Seeded faults: does the cross-validation detect errors?
 
-Each fault is put into one engine by exchanging a function while the checks run; no file is changed. All of
-them are in `faults`.
+Each fault is introduced into one engine by replacing a function while the checks run; no file is changed. All
+of them are in `faults`.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Fault:
 
     Attributes:
         engine: "Exudyn twin" or "reference".
-        what: is wrong.
-        places: object and name of what is exchanged, and the function that makes its stand-in from it.
+        what: the fault in words.
+        places: object and name of the replaced function, and the function that makes its replacement.
     """
 
     engine: str
@@ -51,7 +51,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Caught:
-    """What saw a fault first: subject, quantity, and the relative difference there beside its bound."""
+    """The first detection of a fault: subject, quantity, relative difference and its bound."""
 
     subject: str
     quantity: str
@@ -60,7 +60,7 @@ class Caught:
 
 
 def quick_subjects() -> Iterator[Subject]:
-    """Few robots that together exercise every term the quick checks watch."""
+    """A few robots that together exercise every term of the quick checks."""
 
     def with_all(robot: Robot, controller: str, *effects: tuple[str, str]) -> Robot:
         assert robot.reference is not None
@@ -126,7 +126,7 @@ def caught() -> Caught | None:
 
 @contextmanager
 def seeded(fault: Fault) -> Iterator[None]:
-    """The fault is there inside this context."""
+    """Context in which the fault is active."""
     with ExitStack() as stack:
         for owner, name, made in fault.places:
             stack.enter_context(_exchanged(owner, name, made))
@@ -146,7 +146,7 @@ def _exchanged(owner: Any, name: str, made: Callable[[Any], Any]) -> Iterator[No
 
 
 def _forget() -> None:
-    """Bodies and modes made before, which both engines keep."""
+    """Clear bodies and modes cached by both engines."""
     beam_shapes.cache_clear()
     flexible_link._beam.cache_clear()
     flexible_link._read.cache_clear()
@@ -156,5 +156,5 @@ def _forget() -> None:
 
 
 def scaled(factor: float) -> Callable[[Any], Any]:
-    """What makes of a function one that gives so many times as much."""
+    """Wraps a function so that its result is multiplied by a factor."""
     return lambda function: lambda *a, **k: factor * function(*a, **k)

@@ -1,1 +1,1 @@
-"""The simulated yardstick: one engine's answers to 300 drawn cases, and two engines' side by side."""
+"""The simulated yardstick: one engine's answers to 300 drawn cases, and comparison of two engines."""

@@ -3,10 +3,10 @@
     python -m benchmarks.yardstick.simulated [--half looked|counted|both] [--cases N] [--engine-label TEXT]
         [--out FILE] [--against FILE] [--folder DIR] [--make-only]
 
-Writes the scores of all cases to FILE (JSON) and a page beside it (Markdown). Cases and answers are kept
-in DIR, so that an interrupted run goes on where it stopped, and so that a later engine, under its own label,
-is scored on the very same cases; `--against` compares the two case by case. One process at a time; the halves
-may be run side by side.
+Writes the scores of all cases to FILE (JSON) and a page next to it (Markdown). Cases and answers are stored
+in DIR, so that an interrupted run can be continued, and so that a later engine, under its own label, is
+scored on exactly the same cases; `--against` compares the two case by case. One process at a time; the halves
+may be run in parallel.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ UNUSABLE = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Score, write the files; exit code as of the command line."""
+    """Score, write the files; exit code as on the command line."""
     parser = _parser()
     given = parser.parse_args(arguments)
     given.out = given.out or given.folder / f"{given.engine_label}.json"
@@ -85,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def numbers_of(half: str, cases: int | None = None) -> list[int]:
-    """Numbers of a half or of both, the first so many of them."""
+    """The first case numbers of a half or of both."""
     found = [number for number in YARDSTICK_SEEDS if half in ("both", half_of(number))]
     return found[:cases]
 

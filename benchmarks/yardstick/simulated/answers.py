@@ -2,9 +2,9 @@
 
     answers/LABEL/engine.json       fingerprint of the engine: one label is one engine
     answers/LABEL/NAME/             diagnosis.json, robot.augmented.toml, answer.json
-    scores/LABEL/NAME.json          the score, with the fingerprints of what it was counted from
+    scores/LABEL/NAME.json          the score, with the fingerprints of its inputs
 
-The diagnosis runs as a user runs it: the command line in a process of its own, with the case folder only.
+The diagnosis runs as a user runs it: the command line in a separate process, with the case folder only.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ APART = ("missing_physics/challenge/", "exudyn_model/")
 
 
 def engine() -> str:
-    """Fingerprint of all sources that a diagnosis depends on, as they lie on the disk now."""
+    """Fingerprint of all sources that a diagnosis depends on, as now on disk."""
     own = {name: sha for name, sha in sources().items() if not name.startswith(APART)}
     return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()
 
@@ -49,7 +49,7 @@ class Answers:
         self._program = program()
 
     def claim(self) -> None:
-        """Begin with this engine, or go on; raises `InputError` where the label stands for another one."""
+        """Start or continue with this engine; raises `InputError` if the label belongs to another one."""
         known, own = self.store.read("answers", self.label, "engine.json"), {"sha256": engine()}
         if known is None:
             self.store.write(own, "answers", self.label, "engine.json")
@@ -60,7 +60,7 @@ class Answers:
             )
 
     def score(self, case: Case, design: Design) -> CaseScore:
-        """The score of a case; it is diagnosed where it has no answer yet.
+        """The score of a case; it is diagnosed if it has no answer yet.
 
         Raises:
             InputError: a file of the case was changed, or the machine refuses something.
@@ -83,7 +83,7 @@ class Answers:
         return case_score(score)
 
     def _answer(self, case: Case, design: Design) -> dict[str, bytes] | None:
-        """The files of the answer to this very case; None where there is none."""
+        """The files of the answer to exactly this case; None if there is none."""
         facts = self.store.read("answers", self.label, design.name, "answer.json")
         if facts is None or facts["case"] != case.files:
             return None

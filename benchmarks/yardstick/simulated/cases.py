@@ -1,8 +1,8 @@
-"""The cases of the yardstick: made once, kept, and made again only where their draw has changed.
+"""The cases of the yardstick: made once, stored, and made again only if their draw has changed.
 
-cases/NAME/         robot.toml, recording.csv, validation.csv: all that a diagnosis sees
-truth/NUMBER/       design.json, exact.npz and made.json: what is hidden, the motion without sensors, and
-                    the fingerprints of the case
+cases/NAME/         robot.toml, recording.csv, validation.csv: all inputs of a diagnosis
+truth/NUMBER/       design.json, exact.npz and made.json: the hidden effects, the motion without sensors,
+                    and the fingerprints of the case
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Case:
 
     Attributes:
         number: of the case.
-        design: SHA-256 of what was drawn for it.
-        files: SHA-256 of each file of its folder; empty where it could not be made.
+        design: SHA-256 of its draw.
+        files: SHA-256 of each file of its folder; empty if it could not be made.
         message: why it could not be made.
-        seconds: of a processor that making it took.
+        seconds: processor time of making it.
     """
 
     number: int
@@ -47,14 +47,14 @@ class Case:
 
     @property
     def made(self) -> bool:
-        """It can be diagnosed."""
+        """Whether it can be diagnosed."""
         return bool(self.files)
 
 
 def cases_of(store: Store, numbers: Sequence[int], say: Say) -> Iterator[tuple[Case, Design]]:
-    """The cases of these numbers with what is hidden in them, each made when its turn comes.
+    """The cases of these numbers with their truth, each made when needed.
 
-    Raises `InputError` where the machine refuses something, as room on the disk.
+    Raises `InputError` on errors of the machine, such as a full disk.
     """
     for number in numbers:
         design = draw_design(number)
@@ -88,13 +88,13 @@ def _make(store: Store, design: Design, text: bytes) -> Case:
 def measured_step(
     step: Step, files: dict[str, bytes], *, hidden: Sequence[Path] = ()
 ) -> tuple[Outcome, float]:
-    """A step in a process of its own, and the seconds of a processor that it took."""
+    """A step in a separate process, and its processor time [s]."""
     before = _children()
     outcome = carry_out(step, files, hidden=tuple(str(path.resolve()) for path in hidden))
     return outcome, round(_children() - before, 2)
 
 
 def _children() -> float:
-    """Seconds of a processor that the ended child processes of this one have taken so far."""
+    """Total processor time of ended child processes [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime

@@ -1,6 +1,6 @@
-"""The yardstick's page: what one engine makes of the cases, each half in a column of its own.
+"""The yardstick's page: one engine's results on the cases, each half in a separate column.
 
-Single cases are told of the half that may be looked at; of the other one nothing but counts.
+Single cases are listed for the half that may be looked at; for the other one only counts.
 """
 
 from __future__ import annotations
@@ -22,14 +22,13 @@ __all__ = ["TITLES", "comparison_table", "page"]
 TITLES: Mapping[Half, str] = {"looked": "looked at", "counted": "counted only"}
 INTRODUCTION = """\
 Cases of the numbers 50000 to 50299, drawn as those of the blind challenge (docs/challenge.md) and moved by
-the other engine. Even numbers may be looked at while somebody works on the diagnosis; odd ones are counted
-only. The engine `{label}` got each case through the command line, in a process of its own, with the case
-folder and nothing else.
+the other engine. Even numbers may be looked at during development; odd ones are counted only. The engine
+`{label}` got each case through the command line, in a separate process, with only the case folder.
 
 Scores are per case. The logarithmic score and Brier's sum over all effects at places that the answer mentions
-or that are there (probabilities count as at least {floor:g}); 0 is perfect. The held-out error is that of the
-joints' torques, each in units of its noise, of the answer over the nominal robot, where something is missing.
-Seconds are those of a processor."""
+or that are true (probabilities count as at least {floor:g}); 0 is perfect. The held-out error is that of the
+joints' torques, each in units of its noise, of the answer relative to the nominal robot, where physics is
+missing. Seconds are processor time."""
 
 
 def page(
@@ -46,7 +45,7 @@ def page(
         label: of the engine.
         scores: of all cases that were answered.
         unmade: cases that could not be made, and why.
-        command: what makes the page again.
+        command: that makes the page.
         comparison: label of an earlier engine, and both on the cases that both have answered.
     """
     halves = {half: [case for case in scores if half_of(case.number) == half] for half in TITLES}
@@ -82,10 +81,10 @@ def _measures(halves: Mapping[Half, list[CaseScore]], found: Mapping[Half, Summa
 
 
 def _ratio(cases: Sequence[CaseScore]) -> str:
-    """Of cases in which something is hidden."""
+    """Measures over cases with hidden physics."""
     ratios = [case.held_out_ratio for case in cases if case.hidden or case.foreign]
-    told = [ratio for ratio in ratios if ratio is not None]
-    return f"{median(told):.3f}" if told else "-"
+    known = [ratio for ratio in ratios if ratio is not None]
+    return f"{median(known):.3f}" if known else "-"
 
 
 def _causes(halves: Mapping[Half, list[CaseScore]], found: Mapping[Half, Summary]) -> str:

@@ -1,1 +1,1 @@
-"""Laws of effects that act on links and the base: bending, loads, pushes, walls."""
+"""Effects on links and the base: bending, loads, outer forces, walls."""

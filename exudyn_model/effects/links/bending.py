@@ -1,7 +1,7 @@
-"""A rigid link as a beam between its frame and the outermost joint on it, of the same weight.
+"""A rigid link as a beam between its frame and the outermost joint on it, of the same total mass.
 
-The link's mass is parted three ways: a uniform beam of 99 % of the mass that can lie along the line, a point
-at the tip of 99 % of what then can, and a rigid hub of the rest.
+The link's mass has three parts: a uniform beam with 99 % of the mass that can lie along the line, a point
+mass at the tip with 99 % of the mass that still can, and a rigid hub with the rest.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ Array = NDArray[np.float64]
 ELEMENTS, YOUNG, TO_SHEAR = 12, 70e9, 2.6
 #: The section's radius of gyration over the length: half of the link's own thickness, within these.
 THINNEST, THICKEST = 1e-3, 1e-2
-#: Part of what could bend that does, and the least part of the link's mass [-].
+#: Fraction of the available mass that is used, and the least fraction of the link's mass [-].
 PART, LEAST = 0.99, 1e-3
 
 
 def bending(robot: Robot, link: Link, period: float, *, damping_ratio: float, modes: int) -> Link:
     """The link as a beam with hub and tip.
 
-    Its stiffness is such that it would ring with `period` [s] when clamped at its frame, by Rayleigh's
+    Its stiffness gives the `period` [s] of vibration when clamped at its frame, by Rayleigh's
     (2 pi/T)^2 = 3 EI / (L^3 (m_carried + m_tip + 33/140 m_beam)).
 
     Raises:
@@ -80,7 +80,7 @@ def _carried(robot: Robot, name: str) -> float:
 
 
 def _spread(link: Link, length: float) -> tuple[Array, Array, float]:
-    """sum m r r^T and sum m r of the link, no thinner than may be; its section's radius over the length."""
+    """sum m r r^T and sum m r of the link, with a least thickness; its section's radius over the length."""
     centre = np.asarray(link.center_of_mass, dtype=float)
     about = 0.5 * np.trace(link.inertia_matrix) * np.eye(3) - link.inertia_matrix
     thickness = np.sqrt(max(np.linalg.eigvalsh(about)[0], 0.0) / link.mass) / length

@@ -20,11 +20,11 @@ class BodyChange:
     """Base of the changes; parameters are the fields of the concrete class, in SI units."""
 
     def added(self) -> Mass:
-        """What is added to the link."""
+        """Mass properties added to the link."""
         return Mass()
 
     def added_gravity(self) -> Array:
-        """What is added to the gravity vector, inertial frame [m/s^2], shape (3,)."""
+        """Addition to the gravity vector, inertial frame [m/s^2], shape (3,)."""
         return np.zeros(3)
 
 

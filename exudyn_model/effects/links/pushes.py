@@ -1,4 +1,4 @@
-"""Forces on bodies that no joint makes: a wall, a mount under the base, wheels on board.
+"""Forces on bodies other than joint forces: a wall, a mount under the base, wheels on board.
 
 All are functions of time and of the motion of one point of a body. Wheels keep no memory either: momentum
 and angle of a rotor under motor torque and drag are known in closed form.
@@ -20,7 +20,7 @@ __all__ = ["Contact", "Mount", "PlacedMount", "PointMotion", "Push", "Wheels"]
 
 Array = NDArray[np.float64]
 
-#: Drag below which a rotor's closed form is taken without it [1/s]: over an hour it then changes nothing.
+#: Drag below which a rotor's closed form neglects it [1/s]: its influence over an hour is then negligible.
 NO_DRAG = 1e-12
 
 
@@ -51,12 +51,12 @@ class Push(ABC):
 
     @property
     def acts(self) -> bool:
-        """Whether it does anything."""
+        """Whether it has any influence."""
         return True
 
     @property
     def point(self) -> Array:
-        """Where it acts, in the body's frame [m], shape (3,)."""
+        """Point of action in the body's frame [m], shape (3,)."""
         return np.zeros(3)
 
     @abstractmethod
@@ -64,7 +64,7 @@ class Push(ABC):
         """Force and moment about the point, in the axes at the point [N, N m]."""
 
     def energy(self, at: PointMotion) -> float:
-        """Kept in it [J]."""
+        """Stored energy [J]."""
         return 0.0
 
     def spin(self, at: PointMotion) -> Array:
@@ -128,19 +128,19 @@ class Mount:
 
     @property
     def acts(self) -> bool:
-        """Whether the base gives way."""
+        """Whether the base is compliant."""
         return self.compliance > 0
 
 
 @dataclass(frozen=True)
 class PlacedMount(Push):
-    """F = -(r - r0 + D v)/C and, turned by an angle about an axis, N = -arm^2 (sin(angle) axis + D omega)/C.
+    """F = -(r - r0 + D v)/C and, rotated by angle about axis, N = -arm^2 (sin(angle) axis + D omega)/C.
 
     Attributes:
         mount: its parameters.
         home, home_rotation: of the base's frame at the start, shapes (3,) and (3, 3).
-        force, moment: about the base's origin, that carry what rests on it at the start, inertial axes
-            [N, N m], shape (3,) each.
+        force, moment: about the base's origin, that balance its initial load, inertial axes [N, N m],
+            shape (3,) each.
     """
 
     mount: Mount

@@ -1,6 +1,6 @@
-"""Effects that change what the robot is: the description as it would be of the robot with them.
+"""Effects that change the robot's structure: the description of the robot with these effects.
 
-A controller keeps the description it was given; everything else is built from what these functions return.
+A controller keeps the original description; everything else is built from the result of these functions.
 """
 
 from __future__ import annotations

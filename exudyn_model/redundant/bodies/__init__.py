@@ -1,1 +1,1 @@
-"""Bodies of the redundant formulation in Exudyn, and where joints and forces hold them."""
+"""Bodies of the redundant formulation in Exudyn, and their points of attachment for joints and forces."""

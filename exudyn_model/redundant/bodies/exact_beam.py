@@ -1,9 +1,9 @@
 """A flexible beam without truncation: a chain of Exudyn's `ObjectBeamGeometricallyExact`.
 
-Large rotations, nothing left out. Its stiffness against shear is 12 EI / h^2, with which the two-node element
+Large rotations without truncation. Its shear stiffness is 12 EI / h^2, with which the two-node element
 with constant strain has the Euler-Bernoulli stiffness of the cubic element exactly (MacNeal, Computers and
-Structures 8 (1978) 175-183). Its masses are spread along it instead of lumped: a second discretisation, which
-meets the modal form as elements grow in number.
+Structures 8 (1978) 175-183). Its mass is distributed instead of lumped: a second discretisation, which
+converges to the modal form as the number of elements grows.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where something pushes on a body: its motion from Exudyn's coordinates, and forces back on them."""
+"""Points of a body at which forces act: motion from Exudyn's coordinates, and forces on them."""
 
 from __future__ import annotations
 
@@ -74,14 +74,14 @@ class ModalGrip(Grip):
         return PointMotion(time, x[:3] + frame @ node.place, frame, velocity, omega)
 
     def spread(self, x: Array, force: Array, moment: Array) -> Array:
-        """Moments are not carried: nothing that sits on a modal body has one."""
+        """Moments are not supported: no effect on a modal body has one."""
         node = self.link.motion(self.index, x[7:], np.zeros(self.link.count))
         turning = euler_rates(x[3:7]).T @ cross(node.place, force)
         return np.concatenate([from_quaternion(x[3:7]) @ force, turning, node.slide.T @ force])
 
 
 class Gripped:
-    """A push at a grip in a system."""
+    """A force effect at a grip in a system."""
 
     def __init__(self, mbs: Any, push: Push, grip: Grip) -> None:
         self.push, self.grip = push, grip

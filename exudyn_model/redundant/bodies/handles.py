@@ -1,6 +1,6 @@
-"""Where a joint holds a body: position, attitude and their velocities as functions of Exudyn's coordinates.
+"""Joint attachment points of bodies: pose and velocity as functions of Exudyn's coordinates.
 
-Bodies turn by Euler parameters e, |e| = 1; with G(e) the angular velocity in body axes is G ed, and G edd its
+Attitudes are Euler parameters e, |e| = 1; with G(e) the angular velocity in body axes is G ed, and G edd its
 derivative, since Gd ed = 0 (Nikravesh, Computer-Aided Analysis of Mechanical Systems, 1988, ch. 6).
 """
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Seat:
-    """A point of a body that a joint holds.
+    """A point of a body at a joint.
 
     Attributes:
         rigid: first of the seven coordinates of the body's frame in the drive's vector; None on the ground.
@@ -82,7 +82,7 @@ class Handle:
         row[i + 3 : i + 7] += (self.body.T @ axis) @ self.rates
 
     def row_of_slide(self, axis: Array, beyond: Array, row: Array) -> None:
-        """Add to `row` that in the velocity along `axis` of a point fixed to us, `beyond` ours (inertial)."""
+        """Add to `row` that for the velocity along `axis` of a body point at offset `beyond` (inertial)."""
         if self.rates is None or self.seat.rigid is None:
             return
         i, own, far = self.seat.rigid, self.body.T @ axis, self.body.T @ beyond

@@ -1,6 +1,6 @@
 """A flexible body by its modes in a floating frame: Exudyn's `ObjectFFRFreducedOrder`.
 
-Its mesh has displacements only: rotary inertia comes as points that stand out from the nodes.
+Its mesh has displacements only: rotary inertia is represented by points around the nodes.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ items: Any = exudyn.itemInterface
 class ModalBody(Body):
     """A flexible link by its modes in a floating frame, with its rigid hub.
 
-    Points on its nodes load the modes that it has without them. A joint on a node that moves in the frame
-    holds a massless node of Exudyn's that is welded there.
+    Points on its nodes load the modes of the body without them. A joint on a node that moves in the frame is
+    attached to a massless Exudyn node that is welded there.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class ModalBody(Body):
         moments, none = moments_of(loaded), Surplus.none(link.count)
         add_modal_weight(mbs, (self.node, self.modal), moments, surplus or none, gravity)
         if link.damping.any():
-            # Beside the body: its own damping matrix is made of Rayleigh's two figures only.
+            # A separate object, since the body's own damping is limited to Rayleigh's two coefficients.
             mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[self.modal], dampingMatrix=link.damping))
         if hub.mass > 0 or hub.inertia.any():
             add_mass(mbs, self.node, hub, gravity=gravity)
@@ -114,7 +114,7 @@ class ModalBody(Body):
 
 
 def _loaded(link: FlexibleLink, more: Sequence[PointMass]) -> tuple[Points, Surplus | None]:
-    """The link's points and what sits on its nodes; and its surplus, to which a load counts at its node."""
+    """The link's points with the masses on its nodes; and its surplus, including loads at their nodes."""
     own, surplus = link.points, link.surplus
     if not more:
         return own, surplus

@@ -1,7 +1,7 @@
 """The robot as separate bodies and the connections between them: data of the redundant formulation.
 
-Rigid links on fixed joints are welded to the rigid body that carries them. A flexible link stays a body of
-its own, whatever holds it, and so does everything that hangs on its deforming nodes.
+Rigid links on fixed joints are welded to the rigid body that carries them. A flexible link is always a
+separate body, and so is every link attached to its deforming nodes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Part:
         name: `base` or a link.
         mass: of the rigid body with what is welded to it; of the rigid hub when it is flexible.
         link: the description of a flexible link, None of a rigid body.
-        points: what sits on the nodes of a flexible link.
+        points: masses on the nodes of a flexible link.
         flexible: the modes of a flexible link.
     """
 
@@ -52,7 +52,7 @@ class Connection:
         joint: its description.
         parent, child: indices of the parts.
         rotation, origin: of the joint frame in the parent's frame, shapes (3, 3) and (3,).
-        align: turns the joint frame so that the joint axis becomes z, shape (3, 3).
+        align: rotates the joint frame so that the joint axis becomes z, shape (3, 3).
     """
 
     joint: Joint
@@ -87,8 +87,8 @@ def parts_of(
 ) -> tuple[tuple[Part, ...], tuple[Connection, ...]]:
     """Bodies, each after the one that carries it, the base first; and their connections, in that order.
 
-    `added` sits fixed in the frames of bodies, `points` on the nodes of flexible links, both by name;
-    `stiffening` is the share of it that beams have which stiffen, the whole when left out.
+    `added` is fixed in the frames of bodies, `points` on the nodes of flexible links, both by name;
+    `stiffening` is the fraction of stiffening of each beam, 1 by default.
     """
     parts = [Part("base", Mass.of(robot.base) + added.get("base", Mass()))]
     shares = stiffening or {}
@@ -125,8 +125,8 @@ def initial_poses(
 ) -> list[Pose]:
     """Frames of all parts at time 0, with the joints' initial positions and velocities.
 
-    `base` moves the base; left out, it rests where the description has it. `bent` says how flexible links
-    are bent, by name; others are straight.
+    `base` is the pose and velocity of the base, by default at rest as described. `bent` is the deflection of
+    flexible links by name; others are straight.
     """
     still = np.zeros(3)
     resting = Pose(from_rpy(robot.base.rpy), np.asarray(robot.base.position, dtype=float), still, still)
@@ -152,7 +152,7 @@ def _bending(part: Part, bent: Mapping[str, Bending] | None) -> Bending:
 
 
 def at_node(frame: Pose, node: NodeMotion) -> Pose:
-    """The axes of a node of a bent link whose frame moves so."""
+    """Pose of a node of a bent link, from the pose of its frame."""
     return Pose(
         frame.rotation @ node.rotation,
         frame.position + frame.rotation @ node.place,
@@ -162,7 +162,7 @@ def at_node(frame: Pose, node: NodeMotion) -> Pose:
 
 
 def _from_node(held: Pose, node: NodeMotion) -> Pose:
-    """The frame of a bent link whose node moves so: `at_node` backwards."""
+    """Pose of the frame of a bent link, from the pose of its node: inverse of `at_node`."""
     rotation = held.rotation @ node.rotation.T
     omega = node.rotation @ held.omega - node.turns
     return Pose(

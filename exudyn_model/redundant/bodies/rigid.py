@@ -1,4 +1,4 @@
-"""Rigid bodies in Exudyn, and what every body offers to joints."""
+"""Rigid bodies in Exudyn, and the interface of all bodies for joints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ items: Any = exudyn.itemInterface
 
 @dataclass(frozen=True)
 class Place:
-    """Where a joint holds a body.
+    """Attachment of a joint to a body.
 
     Attributes:
         marker: Exudyn's number; it has the joint's axes.
@@ -56,13 +56,13 @@ class Body(ABC):
 
     @abstractmethod
     def grip(self, point: Array, turn: Array) -> Grip | None:
-        """Where something pushes at `point` of the body's frame; None where nothing can move.
+        """Attachment of a force at `point` of the body's frame; None if the body is fixed.
 
-        It sees axes `turn` in that frame; on a body that bends, those of the frame.
+        Its axes are `turn` in that frame; on a flexible body, those of the frame.
         """
 
     def root(self, mbs: Any, turn: Array) -> Place:
-        """A marker where the inboard joint holds the body, with axes `turn` in its frame."""
+        """A marker at the body's inboard joint, with axes `turn` in its frame."""
         return self.place(mbs, np.zeros(3), turn)
 
     @abstractmethod
@@ -107,7 +107,7 @@ class RigidBody(Body):
 
 
 def held_at(turn: Array, origin: Array | None = None) -> Any:
-    """The joint's axes and place in a marker's body, as Exudyn wants them."""
+    """The joint's axes and place in a marker's body, in Exudyn's format."""
     return exu.HT(rotation=turn, translation=np.zeros(3) if origin is None else origin)
 
 

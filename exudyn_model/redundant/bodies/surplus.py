@@ -1,4 +1,4 @@
-"""What Exudyn's modal body lacks, as objects on its coordinates: weight where masses are, further inertia.
+"""Additions to Exudyn's modal body as objects on its coordinates: gravity at the masses, further inertia.
 
 Coordinates are those of the frame (r, e) and the modal ones x. With A of the Euler parameters e and the
 frame's angular velocity G ed, speeds in the frame's axes are (A^T rd, G ed, xd), and the accelerations that
@@ -30,10 +30,10 @@ SEVEN = 7
 def add_modal_weight(
     mbs: Any, nodes: tuple[int, int], moments: Moments, surplus: Surplus, gravity: Array
 ) -> None:
-    """Gravity on a modal body where its masses are.
+    """Gravity on a modal body at the positions of its masses.
 
-    Exudyn's own load on such a body turns it as if it were undeformed, so that angular momentum would change
-    in free fall.
+    Exudyn's own gravity load has the moment of the undeformed body, so that angular momentum would change in
+    free fall.
 
     Args:
         mbs: the system, before it is assembled.
@@ -57,7 +57,7 @@ def add_modal_weight(
 
 
 def add_surplus(mbs: Any, nodes: tuple[int, int], surplus: Surplus) -> None:
-    """Inertia that the points of a modal body do not have; before the system is assembled."""
+    """Inertia in addition to the points of a modal body; before the system is assembled."""
     reference = _reference(mbs, nodes[0])
 
     def force(_: Any, time: float, item: int, q: Sequence[float], v: Sequence[float]) -> Array:

@@ -1,4 +1,4 @@
-"""A massless node of Exudyn's, held at a node of a modal body that moves and turns with the modes.
+"""A massless Exudyn node, fixed to a node of a modal body that moves and rotates with the modes.
 
 Exudyn's own marker on such a body gives its angular velocity in the axes of the undeformed body, so that
 joints on it drift apart. Here the node's seven coordinates (p, a) follow from those of the body's frame

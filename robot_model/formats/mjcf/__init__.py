@@ -1,7 +1,7 @@
 """MJCF, the format of MuJoCo (mujoco.readthedocs.io, XML reference).
 
-Followed are the compiler's rules for what a rigid tree on joints consists of; what a robot's description has
-no place for is noted.
+The compiler's rules for a rigid tree on joints are followed; content without a counterpart in the robot
+description is noted.
 """
 
 from robot_model.formats.mjcf.reading import read_mjcf

@@ -1,4 +1,4 @@
-"""Actuators: which joints they drive, and with what force at most."""
+"""Actuators: the joints that they drive, and their largest force."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def added_by(element: Element, settings: Settings) -> tuple[float, float, float 
 
 
 def _driven(joint: DraftJoint, actuators: Sequence[Element], settings: Settings) -> DraftJoint:
-    """What the actuators of a joint add to it."""
+    """Additions of a joint's actuators to it."""
     gears = [_gear(element) for element in actuators]
     forces = [_force(element, settings) for element in actuators]
     known = [gear * force for gear, force in zip(gears, forces) if force is not None]
@@ -111,7 +111,7 @@ def _driven(joint: DraftJoint, actuators: Sequence[Element], settings: Settings)
 
 
 def _gear(element: Element) -> float:
-    """Size of the first of up to six gears, which is that of a hinge or a slide."""
+    """Magnitude of the first of up to six gears, which is that of a hinge or a slide."""
     gears = element.several("gear", 6)
     return abs(float(gears[0])) if gears.size else 1.0
 

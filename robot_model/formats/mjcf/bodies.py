@@ -31,18 +31,18 @@ CHAIN = "body {}: has several joints, so massless links named after them are put
 GRAVCOMP = "gravcomp of body {}: the force that compensates its weight is left out"
 SCENERY = "body {}: scenery that does not move, left out"
 
-#: What stands in a body and would need other programs or files to be read.
+#: Content of a body that would need other programs or files to be read.
 UNREAD = ("composite", "flexcomp", "replicate", "attach")
 
 
 @dataclass
 class Bodies:
-    """Reads the bodies of a model; links and joints collect in the order of the file.
+    """Reads the bodies of a model; links and joints are collected in the order of the file.
 
     Attributes:
         settings, defaults: of the model.
-        notes: what is assumed and left out.
-        links, joints: what was found.
+        notes: assumptions and omissions.
+        links, joints: the parts found.
         root: the link that becomes the base.
         free: the base floats.
         pose: of the base in the inertial frame.
@@ -98,7 +98,7 @@ class Bodies:
             self.notes.add(SCENERY, f"'{_name(body, 0)}'")
 
     def _contents(self, around: Element, childclass: str, frame: Pose) -> Iterator[tuple[Element, Pose, str]]:
-        """What stands in a body, frames dissolved: element, frame around it, class that it inherits."""
+        """Content of a body with frames resolved: element, frame around it, class that it inherits."""
         for child in around.children:
             if child.tag == "frame":
                 inner = child.attributes.get("childclass", childclass)
@@ -207,7 +207,7 @@ class Bodies:
         return Mass(mass, np.zeros(3), inertia).seen_from(pose)
 
     def _bounded(self, mass: Mass) -> Mass:
-        """What the compiler makes of a mass by its settings."""
+        """A mass as changed by the compiler's settings."""
         set_ = self.settings
         if not (set_.least_mass or set_.least_moment or set_.balance):
             return mass

@@ -1,4 +1,4 @@
-"""Mass properties of primitive geoms of even density."""
+"""Mass properties of primitive geoms of uniform density."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ SHAPES: Mapping[str, tuple[int, Shape]] = {
 
 
 def geom_mass(geom: Element, settings: Settings) -> Mass | str | None:
-    """What a geom weighs, in the frame around it; None for nothing; a clause where a mesh would tell.
+    """Mass of a geom, in the frame around it; None for no mass; a clause where it depends on a mesh.
 
     Raises:
         InputError: sizes that are missing or not positive, a negative mass or density.

@@ -1,4 +1,4 @@
-"""One document of a model that is spread over files, none of which may lie outside the model's folder."""
+"""One document from a model in several files, none of which may be outside the model's folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["with_includes"]
 
 
 def with_includes(root: Element, path: Path) -> Element:
-    """The document with the children of each included file put where its ``<include>`` stood.
+    """The document with each ``<include>`` replaced by the children of the included file.
 
     File names are relative to the folder of the main file, and each file may be included once, as in MuJoCo.
 

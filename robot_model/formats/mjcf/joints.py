@@ -32,12 +32,12 @@ def is_free(joint: Element) -> bool:
 
 
 class Placed:
-    """A joint read from its element, and where it sits.
+    """A joint read from its element, and its pose.
 
     Attributes:
         joint: without parent and child.
-        place: where it is in the body's frame [m], shape (3,).
-        pose: its frame in the body's frame, such that the body is where the file draws it when the joint is
+        place: its position in the body's frame [m], shape (3,).
+        pose: its frame in the body's frame, such that the body is at its pose in the file when the joint is
             at its ``ref``.
     """
 

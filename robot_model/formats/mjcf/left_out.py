@@ -1,4 +1,4 @@
-"""What ties joints and bodies together besides the tree, which a robot's description has no place for."""
+"""Couplings of joints and bodies outside the tree, which a robot description cannot hold."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OTHER = "equality {}: left out"
 TENDON = "tendon {}: its spring, damping, friction or armature is left out"
 SOFT = "{}: bodies that deform are left out"
 
-#: Attributes of a tendon that make forces of their own.
+#: Attributes of a tendon that cause additional forces.
 FORCES = ("stiffness", "damping", "frictionloss", "armature")
 
 
@@ -30,7 +30,7 @@ def with_equalities(
     notes: Notes,
     transmissions: Sequence[DraftTransmission] = (),
 ) -> list[DraftJoint]:
-    """The joints with those held that an equality makes followers; all else that is left out is noted."""
+    """The joints, with followers of an equality held; other omitted content is noted."""
     held: dict[str, float] = {}
     pulled = {motor.tendon for one in transmissions for motor in one.motors}
     for element in _inside(model, "equality"):

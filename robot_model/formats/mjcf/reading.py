@@ -1,4 +1,4 @@
-"""A model's parts put together."""
+"""Assembly of a model from its parts."""
 
 from __future__ import annotations
 

@@ -11,10 +11,10 @@ from robot_model.formats.parts.notes import Notes
 
 __all__ = ["Settings", "read_settings"]
 
-#: Forces of joints that flags switch off.
+#: Joint forces that flags switch off.
 FORCES = ("spring", "damper", "frictionloss")
 
-#: What a boolean attribute may hold.
+#: Values of a boolean attribute.
 YES_NO = ("true", "false")
 
 FLUID = "<option> gives density or viscosity: the forces of a surrounding fluid are left out"
@@ -22,7 +22,7 @@ FLUID = "<option> gives density or viscosity: the forces of a surrounding fluid 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the compiler is told.
+    """Settings of the compiler.
 
     Attributes:
         per_angle: radians per unit of the file's angles.

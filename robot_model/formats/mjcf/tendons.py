@@ -24,7 +24,7 @@ SINGULAR = 1e9
 
 @dataclass(frozen=True)
 class _Tendon:
-    """A tendon that one actuator pulls, and what its length is of its joints' positions."""
+    """A tendon with one actuator, and its length as a function of joint positions."""
 
     element: Element
     actuator: Element
@@ -64,7 +64,7 @@ def transmissions_of(
 
 
 def _tendons(model: Element, defaults: Defaults) -> Iterator[_Tendon]:
-    """Fixed tendons that one actuator pulls."""
+    """Fixed tendons with exactly one actuator."""
     pulled: dict[str, list[Element]] = {}
     for element in driving(model, defaults):
         if name := element.attributes.get("tendon"):

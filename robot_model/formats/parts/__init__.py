@@ -1,1 +1,1 @@
-"""What readers of robot formats share: drafts of robots, markup, mass properties, poses, notes."""
+"""Common parts of the readers of robot formats: drafts, markup, mass properties, poses, notes."""

@@ -15,12 +15,12 @@ from robot_model.formats.parts.notes import listed
 __all__ = ["STANDARD_GRAVITY", "described", "inertia_list"]
 
 HELD = "the motors {} are left out with the joints they move, of which one is held"
-#: Where a file says nothing of gravity: downwards in the inertial frame [m/s^2].
+#: Gravity where a file gives none: downwards in the inertial frame [m/s^2].
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
 def described(draft: Draft, names: Names) -> dict[str, Any]:
-    """What a robot file would hold, without what the format cannot say."""
+    """The tables of a robot file, without keys that the format cannot hold."""
     base: dict[str, Any] = {"kind": draft.base}
     if any(draft.base_pose.place) or any(draft.base_pose.angles):
         base |= {"position": _list(draft.base_pose.place), "rpy": _list(draft.base_pose.angles)}

@@ -25,10 +25,10 @@ class DraftLink:
         name: as in the file.
         where: file and line, for people.
         mass: in the link's frame; None where the file gives none.
-        gap: a clause that says where and why its mass is not known; empty where it is.
-        marker: the gap does not matter where the link is fixed to one that has mass: it is a mere frame.
-        fault: a clause that says where and why no body can have its moments of inertia; empty where one can.
-        corrected: the mass with the nearest moments of inertia that a body can have; None where `mass` is.
+        gap: a clause that states where and why its mass is not known; empty where it is known.
+        marker: the gap does not matter where the link is fixed to one that has mass: it is only a frame.
+        fault: a clause that states where and why its moments of inertia are impossible; empty if possible.
+        corrected: the mass with the nearest possible moments of inertia; None where `mass` is.
         frame: of the file's body in the link's frame.
     """
 
@@ -63,7 +63,7 @@ class DraftJoint:
         initial: position at time 0.
         damping, friction: viscous coefficient and Coulomb force.
         stiffness, rest: spring rate and the position in which the spring is slack.
-        armature: rotor inertia as felt at the joint.
+        armature: rotor inertia at the joint side.
         gear_ratio: motor turns per joint turn.
         passive: nothing drives it.
     """
@@ -150,9 +150,9 @@ class Draft:
         joints: in the order of the file.
         base: ``fixed`` or ``free``.
         base_pose: of a base in the inertial frame.
-        gravity: [m/s^2]; None where the file says nothing of it.
+        gravity: [m/s^2]; None where the file gives none.
         transmissions: motors that move several joints.
-        notes: what was assumed and left out so far.
+        notes: assumptions and omissions so far.
     """
 
     name: str

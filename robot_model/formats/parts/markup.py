@@ -1,9 +1,8 @@
-"""XML as a tree of elements that know the file and line they come from.
+"""XML as a tree of elements with their file and line.
 
-Read through `defusedxml`, which refuses what a robot file never needs and an attacker does: declared
+Read through `defusedxml`, which refuses features that robot files never need but attackers use: declared
 entities, whose expansion can fill the memory, and references to other files or the network. The standard
-library's `ElementTree` keeps no line numbers; a message without them sends people searching through
-thousands of lines.
+library's `ElementTree` keeps no line numbers, which error messages in files of thousands of lines need.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ MOST_ELEMENTS = 100_000
 
 #: Elements inside one another; a robot has at most 256 bodies.
 DEEPEST = 300
-#: A value is cut behind so many characters; the rest helps nobody.
+#: A value is truncated after this many characters in messages.
 LONGEST_SHOWN = 40
 
 
@@ -41,7 +40,7 @@ class Element:
     Attributes:
         tag: name, a namespace's prefix included.
         attributes: name to text.
-        file, line: where it begins, for people.
+        file, line: where it starts, for people.
         children: elements inside it, in order.
         words: pieces of text inside it.
     """

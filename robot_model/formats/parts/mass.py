@@ -1,4 +1,4 @@
-"""Mass properties of rigid bodies: moved, added, and put right where no body can have them."""
+"""Mass properties of rigid bodies: moved, added, and corrected where they are impossible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of links and joints that channels, effects and files can be made of."""
+"""Valid names of links and joints for channels, effects and files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_model.formats.parts.draft import Draft
 
 __all__ = ["Names", "legal", "names_of"]
 
-#: As long as a name may be.
+#: Largest length of a name.
 LONGEST = 64
 
 SHARED = (
@@ -30,12 +30,12 @@ class Names:
 
 
 def legal(word: str) -> str:
-    """The word with what a name cannot hold replaced by ``_``; empty where nothing is left of it."""
+    """The word with invalid characters replaced by ``_``; empty where nothing remains."""
     return re.sub(r"[^A-Za-z0-9_-]", "_", word).lstrip("-")[:LONGEST]
 
 
 def names_of(draft: Draft) -> Names:
-    """Names for all joints and links of a robot; what had to be changed is noted.
+    """Names for all joints and links of a robot; changes are noted.
 
     Joints come first: recordings name their channels by them.
     """
@@ -63,7 +63,7 @@ def names_of(draft: Draft) -> Names:
 
 
 def _free(word: str, otherwise: str, taken: set[str]) -> str:
-    """A name like `word` that is not taken yet, and is from now on."""
+    """A new unique name like `word`, marked as taken."""
     name = stem = legal(word) or otherwise
     count = 1
     while name in taken:

@@ -1,4 +1,4 @@
-"""What is said once about a robot file: what was assumed, and what was left out."""
+"""Notes on a robot file, each reported once: assumptions and omissions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robot_model.input.errors import one_sentence
 
 __all__ = ["Notes", "listed"]
 
-#: So many names are written out; the others are counted.
+#: Number of names written out; the others are counted.
 SHOWN = 8
 
 
@@ -21,7 +21,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 class Notes:
-    """Sentences, each said once with all the names that it concerns."""
+    """Sentences, each reported once with all names that it concerns."""
 
     def __init__(self) -> None:
         self._names: dict[str, list[str]] = {}
@@ -31,15 +31,15 @@ class Notes:
         """Add `names` to a sentence, in which ``{}`` stands for them.
 
         Args:
-            sentence: what is to be said.
-            names: what it concerns.
-            about: the list of a robot file, such as ``effects``, of which it speaks and nothing else.
+            sentence: the note.
+            names: parts that it concerns.
+            about: the list of a robot file, such as ``effects``, if it concerns nothing else.
         """
         self._names.setdefault(sentence, []).extend(names)
         self._about[sentence] = about
 
     def sentences(self, *, dropped: Container[str] = ()) -> tuple[str, ...]:
-        """All of them but those about a list that is `dropped`, in the order in which they first arose."""
+        """All notes except those about a list that is `dropped`, in the order of first occurrence."""
         return tuple(
             one_sentence(sentence.replace("{}", listed(names)) if names else sentence)
             for sentence, names in self._names.items()

@@ -1,4 +1,4 @@
-"""Poses of one frame in another: a place and a rotation, in the conventions of URDF and MJCF."""
+"""Poses of one frame in another: position and rotation, in the conventions of URDF and MJCF."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A frame as seen from another one.
+    """A frame relative to another one.
 
     Attributes:
         place: origin in the outer frame [m], shape (3,).
         rotation: axes as columns in the outer frame, shape (3, 3).
-        rpy: the angles that the rotation was made of [rad], where a file gave them; they are kept, so that
-            a frame that is only passed on keeps the digits of its file.
+        rpy: the angles of the rotation [rad] as given by a file; they are kept, so that an unchanged frame
+            keeps the digits of its file.
     """
 
     place: Array
@@ -28,7 +28,7 @@ class Pose:
     rpy: tuple[float, float, float] | None = None
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """`inner`, which is seen from this frame, as seen from the outer one."""
+        """`inner`, given relative to this frame, relative to the outer one."""
         if self is IDENTITY:
             return inner
         if inner is IDENTITY:
@@ -50,7 +50,7 @@ IDENTITY = Pose(np.zeros(3), np.eye(3), (0.0, 0.0, 0.0))
 
 
 def shifted(place: ArrayLike) -> Pose:
-    """A frame with the same axes elsewhere."""
+    """A translated frame with the same axes."""
     return Pose(np.asarray(place, dtype=float), np.eye(3), (0.0, 0.0, 0.0))
 
 
@@ -84,8 +84,8 @@ def from_quaternion(quaternion: ArrayLike) -> Array:
 def rpy_of(rotation: Array) -> tuple[float, float, float]:
     """Roll, pitch and yaw [rad] of a rotation, exact to rounding at every pitch.
 
-    Yaw comes first; roll and pitch are then taken from the rotation turned back by it. Where the pitch is a
-    right angle the yaw is arbitrary, and the roll makes up for whatever was chosen.
+    Yaw is computed first; roll and pitch then follow from the rotation without it. Where the pitch is a right
+    angle the yaw is arbitrary, and the roll compensates for the choice.
     """
     r = rotation
     yaw = float(np.arctan2(r[1, 0], r[0, 0]))

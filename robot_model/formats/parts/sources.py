@@ -1,4 +1,4 @@
-"""Reading whole files of robots, with a bound on their size and sentences for what the system says."""
+"""Reading files of robots, with a bound on their size and messages for system errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MARKUP = (".urdf", ".xacro", ".mjcf", ".xml")
 
 
 def is_markup(path: Path) -> bool:
-    """Whether a file is XML, by its suffix or by how it begins."""
+    """Whether a file is XML, by its suffix or its first bytes."""
     if path.suffix.lower() in MARKUP:
         return True
     if path.suffix.lower() == ".toml":

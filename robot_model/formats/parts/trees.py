@@ -1,4 +1,4 @@
-"""Trees of links: that they are trees, and that links without motion between them become one."""
+"""Trees of links: checks, and merging of links that are fixed to each other."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_model.input.fields import inertia_fault
 
 __all__ = ["check_count", "merged", "one_root"]
 
-#: Links before those that are fixed to one another are merged: a score for each body that a robot may have.
+#: Largest number of links before merging: twenty for each body that a robot may have.
 MOST_LINKS = 20 * MOST_BODIES
 
 HARMLESS = (
@@ -27,7 +27,7 @@ HARMLESS = (
 
 
 def check_count(links: Sized, file: str) -> None:
-    """Raises `InputError` where there are too many links for a robot, before time is spent on them."""
+    """Raises `InputError` where there are too many links for a robot, before any work on them."""
     if len(links) > MOST_LINKS:
         raise InputError(
             f"{file} has {len(links)} links; a robot may have {MOST_BODIES} that move, and {MOST_LINKS} "
@@ -36,7 +36,7 @@ def check_count(links: Sized, file: str) -> None:
 
 
 def one_root(links: Sequence[DraftLink], joints: Sequence[DraftJoint], file: str) -> str:
-    """The link that all others hang on. Raises `InputError` where the links form no tree."""
+    """The root link. Raises `InputError` where the links form no tree."""
     carried = Counter(joint.child for joint in joints)
     for joint in joints:
         if carried[joint.child] > 1:
@@ -58,21 +58,21 @@ def one_root(links: Sequence[DraftLink], joints: Sequence[DraftJoint], file: str
 
 
 def _outwards(root: str, joints: Sequence[DraftJoint]) -> Iterator[DraftJoint]:
-    """The joints that hang on the root, each after the one that carries its parent."""
+    """The joints connected to the root, each after the one that carries its parent."""
     hanging: dict[str, list[DraftJoint]] = {}
     for joint in joints:
         hanging.setdefault(joint.parent, []).append(joint)
     reached = [root]
-    for link in reached:  # which grows meanwhile
+    for link in reached:  # the list grows during the loop
         for joint in hanging.get(link, ()):
             reached.append(joint.child)
             yield joint
 
 
 def merged(draft: Draft) -> Draft:
-    """The robot with all that is fixed to a link made a part of it, and only moving joints left.
+    """The robot with links merged that are fixed to each other, so that only moving joints remain.
 
-    The mass of a group of links is unknown where that of a member is, mere frames left out, or where none
+    The mass of a group of links is unknown where that of a member is, except for pure frames, or where none
     of them has any.
     """
     anchors: dict[str, tuple[str, Pose]] = {draft.root: (draft.root, IDENTITY)}
@@ -97,7 +97,7 @@ def merged(draft: Draft) -> Draft:
 def _joined(anchor: DraftLink, members: Sequence[tuple[DraftLink, Pose]], notes: Notes) -> DraftLink:
     """One link of a link and those fixed to it.
 
-    A member with impossible moments of inertia does no harm where those of the whole are possible.
+    A member with impossible moments of inertia is accepted where those of the group are possible.
     """
     plain = [_seen(link.mass, pose) for link, pose in members if link.mass is not None]
     best = [_seen(link.best, pose) for link, pose in members if link.best is not None]

@@ -1,4 +1,4 @@
-"""A xacro file as the URDF that it expands to."""
+"""Expansion of a xacro file to a URDF."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_model.input.errors import InputError
 
 __all__ = ["expanded"]
 
-#: Elements that are made or looked at; the expansion of two arms with hands takes some thousand.
+#: Largest number of processed elements; the expansion of two arms with hands takes some thousand.
 MOST_ELEMENTS = 20_000
 
 #: Characters of one attribute or text.
@@ -22,14 +22,14 @@ LONGEST_TEXT = 100_000
 
 
 def expanded(path: Path, arguments: Mapping[str, Any]) -> Element:
-    """The root element of the URDF that a xacro file makes.
+    """The root element of the URDF from a xacro file.
 
     Args:
         path: the file.
         arguments: values of its ``<xacro:arg>`` by name.
 
     Raises:
-        InputError: whatever keeps it from being expanded.
+        InputError: it cannot be expanded.
     """
     import xacro
 
@@ -39,7 +39,7 @@ def expanded(path: Path, arguments: Mapping[str, Any]) -> Element:
             text = document.toxml(encoding="utf-8")
         except RecursionError:
             raise InputError(f"{path}: its macros call each other without end.") from None
-        except Exception as error:  # the package lets through whatever its own code stumbles over
+        except Exception as error:  # the package raises errors of any type
             raise InputError(f"{_where(xacro, path)}: xacro: {_reason(error)}.") from None
     return parse_markup(text, f"{path} as expanded")
 
@@ -49,19 +49,19 @@ def _word(value: Any) -> str:
 
 
 def _where(xacro: Any, path: Path) -> str:
-    """The file, and the one that it includes and that was being read."""
+    """The file, and the included one that was being read."""
     files = [str(file) for file in xacro.filestack or [] if file]
     return f"{path} (in {files[-1]})" if files[1:] else str(path)
 
 
 def _reason(error: Exception) -> str:
-    """What was wrong, in one line; an error without words says its kind."""
+    """The error in one line; its type if it has no message."""
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 @contextlib.contextmanager
 def _guarded(xacro: Any, path: Path) -> Iterator[None]:
-    """The package with expressions, files and sizes under guard, put back as it was in the end."""
+    """The package with guarded expressions, files and sizes; restored at the end."""
     guard = _Guard(xacro, path)
     exchanged = {
         "safe_eval": guard.value,
@@ -87,7 +87,7 @@ def _guarded(xacro: Any, path: Path) -> Iterator[None]:
 
 
 class _Guard:
-    """What stands in for parts of the package."""
+    """Replacements for parts of the package."""
 
     def __init__(self, xacro: Any, path: Path) -> None:
         self._xacro, self._packages, self._elements = xacro, Packages(path), 0
@@ -113,21 +113,21 @@ class _Guard:
         return evaluate(expression, names, self._files, (x.YamlDictWrapper, x.YamlListWrapper, x.NameSpace))
 
     def text(self, text: str, names: Any) -> Any:
-        """A text with its expressions replaced, as long as it stays short."""
+        """A text with its expressions replaced, limited in length."""
         found = self._text(text, names)
         if isinstance(found, str) and len(found) > LONGEST_TEXT:
             raise ValueError(f"a text of more than {LONGEST_TEXT} characters")
         return found
 
     def all(self, node: Any, macros: Any, names: Any) -> None:
-        """Everything inside an element, as long as there is not too much of it."""
+        """Everything inside an element, limited in number."""
         self._elements += 1
         if self._elements > MOST_ELEMENTS:
             raise ValueError(f"it expands to more than {MOST_ELEMENTS} elements")
         self._all(node, macros, names)
 
     def document(self, source: Any, file: str | None = None) -> Any:
-        """A file as a document; what is one already stays as it is."""
+        """A file as a document; a document is returned unchanged."""
         return source if file is None else self._packages.document(file)
 
     def extension(self, text: str) -> str:
@@ -141,7 +141,7 @@ class _Guard:
         if command == "dirname":
             return str(Path(self._xacro.filestack[-1]).parent)
         if command == "optenv" and words:
-            return " ".join(words[1:])  # as on a machine where it is not set
+            return " ".join(words[1:])  # as if it were not set
         if command == "eval":
             return str(evaluate(rest, {**CONSTANTS, **self.names, **self._arguments()}))
         raise InputError(f"{text} is not read; xacro arguments can be given under [xacro] in an overlay")

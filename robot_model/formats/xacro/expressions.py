@@ -13,7 +13,7 @@ from simpleeval import BASIC_ALLOWED_ATTRS, DEFAULT_OPERATORS, EvalWithCompoundT
 
 __all__ = ["CONSTANTS", "evaluate", "namespaces"]
 
-#: Whole numbers beyond this do not describe a robot, and their powers fill the memory.
+#: Larger whole numbers do not describe a robot, and their powers fill the memory.
 LARGEST_WHOLE = 2**64
 
 #: Elements of a list; a robot has at most 256 bodies.
@@ -34,7 +34,7 @@ CONSTANTS: Mapping[str, Any] = {
     "None": None,
 }
 
-#: Methods of text that make it no longer than it was.
+#: Methods of text that do not lengthen it.
 TEXT = {"lower", "upper", "strip", "lstrip", "rstrip", "split", "startswith", "endswith", "isdigit", "title"}
 
 
@@ -46,7 +46,7 @@ def _range(*bounds: int) -> list[int]:
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    """Whole powers stay whole only while they are small."""
+    """Powers of whole numbers stay whole only while they are small."""
     if isinstance(exponent, int) and 0 <= exponent <= 64 and abs(base) <= LARGEST_WHOLE:
         return base**exponent
     try:
@@ -56,7 +56,7 @@ def _power(base: Any, exponent: Any) -> Any:
 
 
 def _remainder(left: Any, right: Any) -> Any:
-    if isinstance(left, str | bytes):  # which would be a format, and may ask for any width
+    if isinstance(left, str | bytes):  # string formatting, which allows any width
         raise TypeError("% takes numbers")
     return left % right
 
@@ -104,7 +104,7 @@ class _Evaluator(EvalWithCompoundTypes):
             **dict.fromkeys((SimpleNamespace, *open_types), _Anything()),
         }
         super().__init__(OPERATORS, {**FUNCTIONS, **functions}, names, allowed_attrs=allowed)
-        for formatted in (ast.JoinedStr, ast.FormattedValue):  # which may ask for any width
+        for formatted in (ast.JoinedStr, ast.FormattedValue):  # these allow any width
             self.nodes.pop(formatted, None)
 
 
@@ -119,10 +119,10 @@ def evaluate(
     Args:
         expression: text.
         names: looks variables up.
-        functions: what may be called besides arithmetic and the like, by name.
-        open_types: types of variables whose parts are reached with a dot.
+        functions: allowed functions besides arithmetic and the like, by name.
+        open_types: types of variables whose attributes are accessible.
 
-    Raises whatever the expression leads to; the caller knows where it stands.
+    Raises any error of the expression; the caller adds its location.
     """
     value = _Evaluator(names, functions, open_types).eval(expression)
     if isinstance(value, int) and abs(value) > LARGEST_WHOLE:

@@ -1,4 +1,4 @@
-"""Which files a xacro file may read: those of its own package and of packages that it names."""
+"""Files that a xacro file may read: those of its own package and of packages that it names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Packages"]
 #: The file that marks the folder of a ROS package.
 MANIFEST = "package.xml"
 
-#: Environment variables in which ROS 2 and ROS 1 list folders with packages, and where packages are in these.
+#: Environment variables in which ROS 2 and ROS 1 list folders with packages, and the packages' subfolder.
 PATHS = (("AMENT_PREFIX_PATH", "share/{}"), ("ROS_PACKAGE_PATH", "{}"))
 
 
@@ -30,7 +30,7 @@ class Packages:
         self._own, self._open = own, [own]
 
     def find(self, name: str) -> str:
-        """Folder of a package, open from now on: the file's own, one beside it, or one that ROS knows."""
+        """Folder of a package, readable from now on: the file's own, one next to it, or one known to ROS."""
         places = [self._own, *self._own.parents]
         candidates = [place for place in places if place.name == name]
         candidates += [place / name for place in places[:3]]
