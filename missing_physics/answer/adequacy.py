@@ -48,7 +48,7 @@ def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
 
 def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
     """Whether the held-out residual is at the noise or small compared with the mismatch, shape (n,)."""
-    unseen = ~data.seen
+    unseen = ~data.fitted_blocks
     count = np.maximum(data.counts[unseen].sum(axis=0), 1.0)
     after = fit.errors[unseen].sum(axis=0) / count
     before = np.zeros_like(after)

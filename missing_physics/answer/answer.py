@@ -88,7 +88,7 @@ def answered(
     load = carried(found, known.answer, safe.fit)
     safe = (load.safe if load else None) or safe
     answer = answer_of(data, known, safe.fit, of_bodies(data, load.fit, load.loads) if load else ())
-    late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
+    late = 0.0 if is_large(data, safe.file) else safe.file.parameter(TIMING)
     every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
     rows = compared_rows(data)
     made = tuple(evaluate(robot, one, own.band) for one, own in zip(every[: data.fitted], rows))
@@ -196,7 +196,7 @@ def _notes(data: TorqueData, validated: bool) -> list[str]:
 def rung(found: Search[Any], step: Step) -> Rung:
     """One hypothesis as the report lists it."""
     data, fit = found.data, step.fit
-    seen = data.seen
+    seen = data.fitted_blocks
     counts = np.maximum(data.counts, 1e-300)
 
     def whitened(which: np.ndarray) -> float:

@@ -23,7 +23,7 @@ def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping
         fit: the answer.
         more: effects at places that are parameters of the fit, such as delays, with their values.
     """
-    numbers = dict(zip(fit.layout.names, map(float, fit.numbers)))
+    numbers = dict(zip(fit.layout.names, map(float, fit.parameters)))
     robot = as_robot(without_friction(data.standard.nominal), data.runs[0].model, numbers)
     kept = tuple(
         use for use in robot.effects if not get_effect(use.effect).standard or any(_values(use).values())

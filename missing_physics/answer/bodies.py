@@ -78,7 +78,7 @@ class Load:
 def without_bodies(data: TorqueData, hypothesis: Hypothesis) -> Hypothesis:
     """The hypothesis with all bodies and rotors unknown to the file estimated, without effects on bodies."""
     terms = tuple(t for t in hypothesis.terms if not is_on_body(t.effect))
-    return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES} - unstated(data))
+    return replace(hypothesis, terms=terms, from_file=hypothesis.from_file - {BODIES} - unstated(data))
 
 
 def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
@@ -94,7 +94,7 @@ def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
     if data.bends or data.layout.scale.any():
         return ()
     beside = fitted(data, without_bodies(data, fit.hypothesis), fit)
-    problem = Problem.of(data, beside.hypothesis, beside.numbers)
+    problem = Problem.of(data, beside.hypothesis, beside.parameters)
     free = problem.layout.free
     bodies = {
         data.layout.names[place.start].split(".")[0]: place
@@ -136,7 +136,7 @@ def is_real(data: TorqueData, fit: Fit, body: str) -> bool:
     """
     place = data.layout.names.index(f"{body}.mass")
     own = slice(place, place + COUNT)
-    apart = float(divergence(fit.numbers[own], data.layout.start[own])[0])
+    apart = float(divergence(fit.parameters[own], data.layout.start[own])[0])
     return apart <= 0.5 * float(chi2.ppf(0.95, COUNT)) * WRONG**2
 
 
@@ -175,7 +175,7 @@ class _Known:
         mine = np.concatenate([np.arange(place.start, place.stop) for place in places])
         others = np.setdiff1d(np.flatnonzero(layout.free), mine)
         held = np.setdiff1d(np.arange(len(layout.names)), np.concatenate([mine, others]))
-        right = right - gram[:, held] @ problem.begin[held] - gram[:, mine] @ data.filed[mine]
+        right = right - gram[:, held] @ problem.begin[held] - gram[:, mine] @ data.file_values[mine]
         matrix = gram[np.ix_(others, others)]
         prior, centre = 1.0 / layout.width[others] ** 2, layout.centre[others]
         size = 1.0 / np.sqrt(np.maximum(np.diag(matrix) + prior, 1e-300))
@@ -250,7 +250,7 @@ class _Link:
     @classmethod
     def of(cls, data: TorqueData, name: str, place: slice) -> _Link:
         robot: Robot = data.standard.nominal
-        mass, moment = data.filed[place][0], data.filed[place][1:4]
+        mass, moment = data.file_values[place][0], data.file_values[place][1:4]
         centre, length = moment / mass, length_of(robot, name)
         carried = [np.array(joint.origin) for joint in robot.joints if joint.parent == name]
         around = [centre + side * length * axis for axis in np.eye(3) for side in (1.0, -1.0)]

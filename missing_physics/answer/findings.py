@@ -197,10 +197,10 @@ def _changed(data: TorqueData, fit: Fit, body: str) -> tuple[dict[str, Estimate]
     found = {}
     for place, p in zip(places, get_effect("inertia").parameters):
         if any(design[:, :, place].any() for design in data.designs[: data.fitted]):
-            value = float(fit.numbers[place] - data.filed[place])
+            value = float(fit.parameters[place] - data.file_values[place])
             half = QUANTILE * float(fit.deviations[place])
             found[p.name] = Estimate(value, (value - half, value + half), p.unit)
-    away = fit.numbers[places] - data.filed[places]
+    away = fit.parameters[places] - data.file_values[places]
     return found, sum(_energy(data.designs[run][:, :, places] @ away, fit) for run in range(data.fitted))
 
 
@@ -260,7 +260,7 @@ def _delays(data: TorqueData, fit: Fit) -> Iterator[tuple[str, str]]:
     """The effect as which a joint with a timing different from the others is stated."""
     for joint in data.joints:
         if _is_free(fit, f"{joint}.{TIMING}"):
-            late = fit.number(f"{joint}.{TIMING}") > 0.0
+            late = fit.parameter(f"{joint}.{TIMING}") > 0.0
             yield ("sensor_delay", f"{joint}.torque") if late else (EARLY[0], joint)
 
 
@@ -291,7 +291,7 @@ def _of_numbers(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Findin
     for joint in data.joints:
         for kind, (effect, parameter, sign) in EFFECTS.items():
             name = f"{joint}.{kind}"
-            if not _is_free(fit, name) or data.filed[fit.layout.names.index(name)] != 0.0:
+            if not _is_free(fit, name) or data.file_values[fit.layout.names.index(name)] != 0.0:
                 continue
             probability = known.freed(name)
             if kind == "coulomb":  # a friction law contains it
@@ -299,7 +299,7 @@ def _of_numbers(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Findin
             if probability <= STATED:
                 continue
             p = get_effect(effect).parameter(parameter)
-            value, half = sign * fit.number(name), QUANTILE * fit.deviation(name)
+            value, half = sign * fit.parameter(name), QUANTILE * fit.deviation(name)
             if abs(value) < half or not _is_felt(data, fit, name):  # it may as well be absent
                 continue
             interval = max(value - half, p.lower), value + half
@@ -315,7 +315,7 @@ def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iter
     They are where the friction in either direction still opposes the motion.
     """
     laws = [term.parameters for term in fit.hypothesis.terms if term.at == joint and term.is_given]
-    level = fit.number(f"{joint}.coulomb") + sum(law.get("coulomb_torque", 0.0) for law in laws)
+    level = fit.parameter(f"{joint}.coulomb") + sum(law.get("coulomb_torque", 0.0) for law in laws)
     if abs(value) <= level:
         for other in catalogue().values():
             if isinstance(other, JointEffect) and other.is_friction_law and effect in other.contains:
@@ -325,18 +325,18 @@ def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iter
 def _is_felt(data: TorqueData, fit: Fit, name: str) -> bool:
     """Whether the contribution of a standard model parameter exceeds the error of any model."""
     place = fit.layout.names.index(name)
-    parts = [np.mean((design[:, :, place] * fit.numbers[place]) ** 2, axis=0) for design in data.designs]
+    parts = [np.mean((design[:, :, place] * fit.parameters[place]) ** 2, axis=0) for design in data.designs]
     return bool(np.any(np.max(parts, axis=0) > data.error**2))
 
 
 def _of_delays(data: TorqueData, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
     """Delays of one joint's torque relative to the others, and large ones of the only torque."""
-    counted = data.counts[data.seen].sum(axis=0) > 0.0
+    counted = data.counts[data.fitted_blocks].sum(axis=0) > 0.0
     names = [name for name, fitted in zip(data.joints, counted) if fitted]
     for joint in names:
         name = f"{joint}.{TIMING}"
         own = _is_free(fit, name)
-        delay = fit.number(name) + (fit.number(TIMING) if common else 0.0)
+        delay = fit.parameter(name) + (fit.parameter(TIMING) if common else 0.0)
         deviation = np.hypot(fit.deviation(name), fit.deviation(TIMING) if common else 0.0)
         if not (own or common) or abs(delay) <= QUANTILE * deviation:  # it may as well be absent
             continue
@@ -361,7 +361,7 @@ def _of_delays(data: TorqueData, known: Posterior, fit: Fit, *, common: bool) ->
 
 def _is_free(fit: Fit, name: str) -> bool:
     place = fit.layout.names.index(name)
-    return bool(fit.layout.free[place]) and name not in fit.hypothesis.filed
+    return bool(fit.layout.free[place]) and name not in fit.hypothesis.from_file
 
 
 def is_large(data: TorqueData, fit: Fit) -> bool:
@@ -374,15 +374,15 @@ def _chance_large(data: TorqueData, fit: Fit) -> float:
 
     A delay shared by several torques is due to the recording.
     """
-    if np.sum(data.counts[data.seen].sum(axis=0) > 0.0) > 1:
+    if np.sum(data.counts[data.fitted_blocks].sum(axis=0) > 0.0) > 1:
         return 0.0
-    limit, delay = LARGEST / data.runs[0].motion.sampling, fit.number(TIMING)
+    limit, delay = LARGEST / data.runs[0].motion.sampling, fit.parameter(TIMING)
     deviation = max(fit.deviation(TIMING), 1e-300)
     return float(norm.sf((limit - delay) / deviation) + norm.cdf((-limit - delay) / deviation))
 
 
 def _timing(data: TorqueData, fit: Fit) -> Iterator[Timing]:
-    delay, half = fit.number(TIMING), QUANTILE * fit.deviation(TIMING)
+    delay, half = fit.parameter(TIMING), QUANTILE * fit.deviation(TIMING)
     if half > 0.0:
         rate = data.runs[0].motion.sampling
         for run in data.runs:
@@ -394,20 +394,20 @@ def _changes(data: TorqueData, fit: Fit) -> Iterator[ParameterChange]:
     """Re-estimated parameters of the robot file that some recorded torque depends on."""
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")
-        nominal = float(data.filed[place])
+        nominal = float(data.file_values[place])
         if not fit.layout.free[place] or TIMING in name or name.startswith("gravity"):
             continue
         if not any(design[:, :, place].any() for design in data.designs):
             continue
         if joint in data.joints and kind in EFFECTS and nominal == 0.0:
             continue  # a finding
-        value, half = fit.number(name), QUANTILE * fit.deviation(name)
+        value, half = fit.parameter(name), QUANTILE * fit.deviation(name)
         known = FILE * abs(nominal)
         if joint not in data.joints:  # of the body's scale, as a coordinate of its centre may be 0
             known = data.standard.estimate.width * float(fit.layout.size[place])
         wide = QUANTILE * known
-        is_filed = name in fit.hypothesis.filed or (
-            joint not in data.joints and BODIES in fit.hypothesis.filed
+        is_filed = name in fit.hypothesis.from_file or (
+            joint not in data.joints and BODIES in fit.hypothesis.from_file
         )
         if is_filed and joint not in data.joints:
             wide = QUANTILE * min(data.standard.estimate.width, FILE) * float(fit.layout.size[place])
@@ -439,14 +439,14 @@ def _changes_of_laws(data: TorqueData, fit: Fit, found: Sequence[Finding]) -> It
     for term in absent(data, fit.hypothesis):
         if term.effect.family is None or (term.at, term.effect.family) not in replaced:
             for p in term.effect.estimated:
-                if p.absent is not None and term.filed(p.name) != p.absent:
+                if p.absent is not None and term.file_value(p.name) != p.absent:
                     yield _change_of_law(data, term, p.name, p.absent, (p.absent, p.absent))
 
 
 def _change_of_law(
     data: TorqueData, term: Term, name: str, value: float, interval: tuple[float, float]
 ) -> ParameterChange:
-    nominal, unit = term.filed(name), _unit(data, term.at, term.effect.parameter(name).unit)
+    nominal, unit = term.file_value(name), _unit(data, term.at, term.effect.parameter(name).unit)
     wide = QUANTILE * FILE * abs(nominal)
     before = nominal - wide, nominal + wide
     return ParameterChange(f"{term.effect.id}@{term.at}.{name}", unit, nominal, value, interval, "", before)
@@ -469,7 +469,7 @@ def _gain(data: TorqueData, known: Posterior, fit: Fit, key: tuple[str, str]) ->
     others = [f for f in known.fits if _keys(f) == less or (laws and _keys(f) == less | laws)]
     if not others:
         return 0.0
-    best, unseen = others[0], ~data.seen
+    best, unseen = others[0], ~data.fitted_blocks
     before, after = (np.sqrt((f.errors[unseen].sum(axis=0) / fit.sigma**2).sum()) for f in (best, fit))
     return float(1.0 - after / before) if before > 0.0 else 0.0
 
@@ -494,6 +494,6 @@ def _removed(data: TorqueData, fit: Fit, finding: Finding) -> float:
             joint = finding.location.split(".")[0]
             kinds = [k for k, (effect, _, _) in EFFECTS.items() if effect == finding.effect] or [TIMING]
             place = fit.layout.names.index(f"{joint}.{kinds[0]}")
-            part = data.designs[i][:, :, place] * fit.numbers[place] / fit.sigma
+            part = data.designs[i][:, :, place] * fit.parameters[place] / fit.sigma
             total += float(np.sum(part**2))
     return total

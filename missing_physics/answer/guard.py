@@ -73,7 +73,7 @@ def _with_bodies_of(data: TorqueData, hypothesis: Hypothesis, standard: Fit) -> 
     names = [
         name for body in layout.bodies for name, free in zip(layout.names[body], layout.free[body]) if free
     ]
-    return hypothesis.holding({name: standard.number(name) for name in names})
+    return hypothesis.holding({name: standard.parameter(name) for name in names})
 
 
 def _no_worse_than_file(data: TorqueData, hypothesis: Hypothesis, file: Fit) -> tuple[Hypothesis, Fit]:
@@ -115,20 +115,20 @@ def _worse(data: TorqueData, made: Fit, standard: Fit) -> list[str]:
 
 def _larger(data: TorqueData, ours: Array, theirs: Array) -> list[str]:
     """Joints at which one squared error exceeds another, with that of any model, shape (n,) each."""
-    floor = data.error**2 * data.counts[~data.seen].sum(axis=0)
+    floor = data.error**2 * data.counts[~data.fitted_blocks].sum(axis=0)
     return [j for j, a, b in zip(data.joints, ours + floor, theirs + floor) if a > WORSE**2 * b]
 
 
 def _held_out(data: TorqueData, errors: Array) -> Array:
     """Squared error of each joint in held-out blocks, shape (n,), from that of all blocks, (B, n)."""
-    return np.asarray(errors[~data.seen].sum(axis=0))
+    return np.asarray(errors[~data.fitted_blocks].sum(axis=0))
 
 
 def _errors_of_file(data: TorqueData) -> Array:
     """Squared error of the robot file at each joint in held-out blocks, shape (n,)."""
     found = np.zeros(len(data.joints))
     for run in range(len(data.runs)):
-        unseen = data.counted(run) & ~data.rows_seen(run)[:, None]
+        unseen = data.counted(run) & ~data.fitted_rows(run)[:, None]
         found += np.sum(np.where(unseen, data.target(run) - data.nominal(run), 0.0) ** 2, axis=0)
     return found
 
@@ -141,7 +141,7 @@ def _as_filed(data: TorqueData, before: Hypothesis, joints: Collection[str]) -> 
             found = found.without(term)
     names = data.layout.names
     own = [name for name in names if name.split(".")[0] in joints and name.split(".")[1] in OF_FILE]
-    return found.holding({name: float(data.filed[names.index(name)]) for name in own})
+    return found.holding({name: float(data.file_values[names.index(name)]) for name in own})
 
 
 def _standard_at(before: Hypothesis, joints: Collection[str], *, bodies: bool) -> Hypothesis:
@@ -151,5 +151,5 @@ def _standard_at(before: Hypothesis, joints: Collection[str], *, bodies: bool) -
         is_body = bodies and isinstance(term.effect, BodyEffect) and term.effect.place == "link"
         if term.at.split(".")[0] in joints or is_body:
             found = found.without(term)
-    freed = {name for name in found.filed if name.split(".")[0] in joints}
-    return replace(found, filed=found.filed - freed - ({BODIES} if bodies else set()))
+    freed = {name for name in found.from_file if name.split(".")[0] in joints}
+    return replace(found, from_file=found.from_file - freed - ({BODIES} if bodies else set()))

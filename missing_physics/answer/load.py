@@ -57,7 +57,7 @@ def carried(found: Search[TorqueData], best: Fit, safe: Fit) -> Carried | None:
     if top.effect != LOAD:
         return Carried(explained, safe) if all(is_real(data, safe, body) for body in top.bodies) else None
     term = Term.of(get_effect(top.effect), top.bodies[0], top.values)
-    hypothesis = without_bodies(data, best.hypothesis).filing(BODIES)
+    hypothesis = without_bodies(data, best.hypothesis).taking_from_file(BODIES)
     hypothesis = replace(hypothesis, terms=(*hypothesis.terms, term), accuracy=top.accuracy)
     try:
         fit = _needed(found, found.settled(fitted(data, hypothesis, best)), term)

@@ -27,7 +27,7 @@ def compared_rows(data: TorqueData) -> tuple[Rows, ...]:
         data: the rows of all recordings.
     """
     channels = tuple(f"{joint}.torque" for joint in data.joints)
-    fitted = data.counts[data.seen].sum(axis=0) > 0.0
+    fitted = data.counts[data.fitted_blocks].sum(axis=0) > 0.0
     each = [np.hypot(run.rows.noise, run.rows.shaken) for run in data.runs]  # no robot file predicts these
     noise = np.sqrt(np.mean(np.square(each), axis=0))
     found = []
@@ -36,7 +36,7 @@ def compared_rows(data: TorqueData) -> tuple[Rows, ...]:
         band = Band(motion.cutoff, motion.smoothing, tuple(data.standard.weights.rest))
         counted = run.rows.counted & fitted
         found.append(
-            Rows(channels, noise, run.rows.time, ~data.rows_seen(i), counted, band, error=data.error)
+            Rows(channels, noise, run.rows.time, ~data.fitted_rows(i), counted, band, error=data.error)
         )
     return tuple(found)
 

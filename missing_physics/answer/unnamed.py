@@ -62,7 +62,7 @@ def _unnamed(
 def _share(data: TorqueData, fit: Fit, term: Term) -> tuple[float, float]:
     """rms of the held-out error without the force [N m or N], and the part of its energy it removes."""
     without = fitted(data, fit.hypothesis.less(term), fit)
-    k, unseen = data.joints.index(term.at), ~data.seen
+    k, unseen = data.joints.index(term.at), ~data.fitted_blocks
     count = max(float(data.counts[unseen, k].sum()), 1.0)
     before, after = (float(one.errors[unseen, k].sum()) for one in (without, fit))
     return float(np.sqrt(before / count)), 1.0 - after / max(before, 1e-300)

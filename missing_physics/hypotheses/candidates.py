@@ -50,12 +50,12 @@ class Candidate:
     held: tuple[tuple[str, float], ...] = ()
     instead: tuple[str, str] | None = None
     along: frozenset[str] = frozenset()
-    numbers: int = 0
+    freed_count: int = 0
 
     def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with this term."""
         kept = tuple(term for term in hypothesis.terms if term.key != self.instead)
-        whole = replace(hypothesis, terms=(*kept, self.term), filed=hypothesis.filed - self.along)
+        whole = replace(hypothesis, terms=(*kept, self.term), from_file=hypothesis.from_file - self.along)
         return whole.holding(dict(self.held))
 
 
@@ -115,7 +115,7 @@ def candidates(
         if isinstance(effect, BodyEffect):
             if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
                 yield Candidate(Term.of(effect, "base", {p.name: 0.0 for p in effect.parameters}))
-            if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.filed:
+            if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.from_file:
                 yield from _at_links(effect, robot, present)
             continue
         if isinstance(effect, ForceEffect):
@@ -152,7 +152,7 @@ def _of_file(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
         return
     names = [p.name for p in own.effect.estimated if p.name not in own.freed]
     for more in [[name] for name in names] + ([names] if len(names) > 1 else []):
-        yield Candidate(own.freeing(*more), instead=own.key, numbers=len(more))
+        yield Candidate(own.freeing(*more), instead=own.key, freed_count=len(more))
 
 
 def _in_rows(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
@@ -160,7 +160,7 @@ def _in_rows(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
     own = next((term for term in terms if term.key == given.term.key), given.term)
     names = [p.name for p in own.effect.estimated if p.linear and p.name not in own.freed]
     for more in [[name] for name in names] + ([names] if len(names) > 1 else []):
-        yield Candidate(own.freeing(*more), instead=own.key, numbers=len(more))
+        yield Candidate(own.freeing(*more), instead=own.key, freed_count=len(more))
 
 
 def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:

@@ -10,7 +10,7 @@ from reference_model.effects.base import JointEffect
 
 __all__ = ["BODIES", "TIMING", "Hypothesis"]
 
-#: In `Hypothesis.filed`: masses, centres and inertias of all bodies.
+#: In `Hypothesis.from_file`: masses, centres and inertias of all bodies.
 BODIES = "bodies"
 #: The common delay of the recorded torques behind the motion [s]; prefixed with a joint's name, the further
 #: delay of that joint.
@@ -24,14 +24,14 @@ class Hypothesis:
     Attributes:
         terms: the effects, no two of the same kind at the same place; those of the robot file among them.
         held: parameters of the standard model that are not estimated, with their fixed values.
-        filed: names of standard model parameters with the robot file's value, within its tolerance; `BODIES`
-            for all bodies.
-        accuracy: relative accuracy of the bodies where they are filed; that of usual files when None.
+        from_file: names of the standard model parameters with a tight prior at the robot file's value;
+            `BODIES` for all bodies.
+        accuracy: relative accuracy of the bodies where they are taken from the file; `FILE` when None.
     """
 
     terms: tuple[Term, ...] = ()
     held: tuple[tuple[str, float], ...] = ()
-    filed: frozenset[str] = frozenset()
+    from_file: frozenset[str] = frozenset()
     accuracy: float | None = None
 
     @property
@@ -41,7 +41,7 @@ class Hypothesis:
             (*t.key, -1 if t.run is None else t.run, t.along, t.is_given, *sorted(t.freed), *t.added)
             for t in self.terms
         )
-        return tuple(terms), tuple(sorted(self.held)), self.filed, self.accuracy
+        return tuple(terms), tuple(sorted(self.held)), self.from_file, self.accuracy
 
     @property
     def freed(self) -> tuple[tuple[Term, str], ...]:
@@ -50,11 +50,11 @@ class Hypothesis:
 
     def less(self, term: Term) -> Hypothesis:
         """The hypothesis without what a term changes: a term of the robot file is as in the file again."""
-        return self.refiling(term) if term.freed and not term.in_rows else self.without(term)
+        return self.restoring(term) if term.freed and not term.in_rows else self.without(term)
 
-    def refiling(self, term: Term, *names: str) -> Hypothesis:
+    def restoring(self, term: Term, *names: str) -> Hypothesis:
         """The hypothesis with parameters of a term of the robot file as in the file; all without names."""
-        terms = (t.as_filed(*names) if t.key == term.key else t for t in self.terms)
+        terms = (t.restored(*names) if t.key == term.key else t for t in self.terms)
         return replace(self, terms=tuple(t for t in terms if t.freed or not t.in_rows))
 
     def without(self, term: Term) -> Hypothesis:
@@ -72,6 +72,6 @@ class Hypothesis:
         """The hypothesis with further parameters of the standard model held."""
         return replace(self, held=tuple({**dict(self.held), **values}.items()))
 
-    def filing(self, *names: str) -> Hypothesis:
+    def taking_from_file(self, *names: str) -> Hypothesis:
         """The hypothesis with further parameters taken from the robot file."""
-        return replace(self, filed=self.filed | set(names))
+        return replace(self, from_file=self.from_file | set(names))

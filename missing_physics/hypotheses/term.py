@@ -112,16 +112,16 @@ class Term:
         return p.linear and not shares
 
     @property
-    def straight(self) -> tuple[float, ...]:
+    def linear_values(self) -> tuple[float, ...]:
         """Values of the estimated parameters that are linear, 0 for the others.
 
         Of a term that is in the rows, their differences from the robot file.
         """
         values = self.parameters
-        begin = {p.name: self.filed(p.name) if self.in_rows else 0.0 for p in self.free}
+        begin = {p.name: self.file_value(p.name) if self.in_rows else 0.0 for p in self.free}
         return tuple(values[p.name] - begin[p.name] if self.is_linear(p) else 0.0 for p in self.free)
 
-    def filed(self, name: str) -> float:
+    def file_value(self, name: str) -> float:
         """The robot file's value of a parameter of a term that the file has."""
         return dict(zip((p.name for p in self.effect.parameters), self.nominal))[name]
 
@@ -145,7 +145,7 @@ class Term:
         """A term of the robot file with further parameters estimated."""
         return replace(self, freed=self.freed | set(names))
 
-    def as_filed(self, *names: str) -> Term:
+    def restored(self, *names: str) -> Term:
         """A term of the robot file with these parameters as in the file again; all without names."""
         freed = self.freed - set(names) if names else frozenset[str]()
         return replace(self, freed=freed).moved({})
@@ -159,7 +159,7 @@ class Term:
         found = {**self.parameters, **values}
         for p in self.effect.parameters:
             inside = min(max(found[p.name], p.lower), p.upper)
-            found[p.name] = inside if p.name in self.freed else self.filed(p.name)
+            found[p.name] = inside if p.name in self.freed else self.file_value(p.name)
         for larger, smaller in self.effect.ordered:
             if larger in self.freed:
                 found[larger] = max(found[larger], found[smaller])

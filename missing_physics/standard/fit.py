@@ -122,13 +122,13 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     )
 
 
-def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: Array) -> Weights:
+def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], in_file: Array) -> Weights:
     """Weights of samples, by a first fit to all of them.
 
     Args:
         model, nominal: see `estimate`.
         rows: of the fitted recordings, with the weight one everywhere.
-        filed: level of dry friction in the robot file, shape (n,).
+        in_file: level of dry friction in the robot file, shape (n,).
     """
     layout = Layout.of(model, nominal, rows)
     blocks = [block for fold in _blocks(rows) for block in fold]
@@ -138,7 +138,7 @@ def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: A
         found = minimise(layout, everything, sigma, FIRST, found)
     deviation = _deviation(layout, blocks, everything, sigma, FIRST, found)
     places = [layout.names.index(f"{joint}.coulomb") for joint in model.joints]
-    dry = np.maximum(np.hypot(found[places], deviation[places]), filed)  # rms of what it may be
+    dry = np.maximum(np.hypot(found[places], deviation[places]), in_file)  # rms of what it may be
     noise = np.sqrt(np.mean([own.noise**2 for own in rows], axis=0))
     scale = np.sqrt(np.mean(np.concatenate([own.scale for own in rows]) ** 2, axis=0))
     rest = determined(np.hypot(noise, MODEL_ERROR * scale), dry)
@@ -148,17 +148,17 @@ def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: A
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:
     """Blocks of rows, grouped by what is left out together: recordings, or parts of a single recording."""
     designs = [np.where(r.counted[:, :, None], design_of(r), 0.0) for r in rows]
-    acts, folds = acting(designs), []
+    active, folds = acting(designs), []
     for r, design in zip(rows, designs):
         parts = 1 if len(rows) >= FOLDS else FOLDS
         cuts = np.linspace(0, r.time.size, parts * BLOCKS + 1).astype(int)
-        columns = [design[:, k, own] for k, own in enumerate(acts)]
+        columns = [design[:, k, own] for k, own in enumerate(active)]
         torque = np.where(r.counted, r.torque, 0.0)
         blocks = []
         for first, last in pairwise(cuts):
             within = [own[first:last] for own in columns]
             counted = r.counted[first:last].sum(axis=0).astype(float)
-            blocks.append(Normal.of(acts, within, torque[first:last], counted, design.shape[2]))
+            blocks.append(Normal.of(active, within, torque[first:last], counted, design.shape[2]))
         folds += [blocks[k * BLOCKS : (k + 1) * BLOCKS] for k in range(parts)]
     return folds
 

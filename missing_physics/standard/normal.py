@@ -33,7 +33,7 @@ class Normal:
         size: number of all parameters.
     """
 
-    acts: tuple[Places, ...]
+    active: tuple[Places, ...]
     gram: tuple[Array, ...]
     right: tuple[Array, ...]
     square: Array
@@ -42,7 +42,7 @@ class Normal:
 
     @classmethod
     def of(
-        cls, acts: Sequence[Places], columns: Sequence[Array], torque: Array, count: Array, size: int
+        cls, active: Sequence[Places], columns: Sequence[Array], torque: Array, count: Array, size: int
     ) -> Normal:
         """Normal equations of some rows.
 
@@ -54,17 +54,19 @@ class Normal:
         """
         gram = tuple(own.T @ own for own in columns)
         right = tuple(own.T @ torque[:, k] for k, own in enumerate(columns))
-        return cls(tuple(acts), gram, right, np.sum(torque**2, axis=0), count, size)
+        return cls(tuple(active), gram, right, np.sum(torque**2, axis=0), count, size)
 
     def __add__(self, other: Normal) -> Normal:
         """Of both groups of rows, which have the same parameters at every joint."""
         gram = tuple(map(add, self.gram, other.gram))
         right = tuple(map(add, self.right, other.right))
-        return Normal(self.acts, gram, right, self.square + other.square, self.count + other.count, self.size)
+        return Normal(
+            self.active, gram, right, self.square + other.square, self.count + other.count, self.size
+        )
 
     def energy(self, x: Array) -> Array:
         """Squared residual of each joint, shape (n,)."""
-        parts = zip(self.square, self.acts, self.gram, self.right)
+        parts = zip(self.square, self.active, self.gram, self.right)
         found = [square - 2.0 * (r @ x[own]) + x[own] @ g @ x[own] for square, own, g, r in parts]
         return np.maximum(found, 0.0)
 
@@ -75,7 +77,7 @@ class Normal:
             weight: of each joint, shape (n,).
         """
         gram, right = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for w, own, g, r in zip(weight, self.acts, self.gram, self.right):
+        for w, own, g, r in zip(weight, self.active, self.gram, self.right):
             gram[own[:, None], own] += w * g
             right[own] += w * r
         return gram, right

@@ -161,10 +161,10 @@ def test_a_joint_that_the_file_predicts_better_keeps_the_numbers_of_the_file(arm
     runs = recorded(spring, seed=1), recorded(nothing, seed=2)
     data = TorqueData.of(fit_standard(robot, runs[:1]), runs[:1], runs[1:])
     bodies = data.layout.bodies[0]
-    known = Hypothesis().holding(dict(zip(data.layout.names[bodies], data.filed[bodies])))
+    known = Hypothesis().holding(dict(zip(data.layout.names[bodies], data.file_values[bodies])))
     start = Term.of(get_effect("cable_spring"), "joint", {"stiffness": 0.0, "torque_at_zero": 0.0})
     standard, answer = fitted(data, known), fitted(data, replace(known, terms=(start,)))
-    unseen, least = ~data.seen, np.hypot(data.noise[0], data.error[0])
+    unseen, least = ~data.fitted_blocks, np.hypot(data.noise[0], data.error[0])
 
     def left(fit: Fit) -> float:
         return float(np.sqrt(fit.errors[unseen].sum() / data.counts[unseen].sum()))

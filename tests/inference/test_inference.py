@@ -76,7 +76,7 @@ def test_a_late_torque_is_timing_and_no_physics(arm: Robot, late: float) -> None
     """A long delay too: the fastest motion turns by 9 degrees in it, of which a line misses 1 %."""
     best = weighed(search(data_of(arm, nothing, late=late))).fits[0]
     assert best.hypothesis.terms == ()
-    assert best.number("timing") == pytest.approx(late, abs=4e-4)
+    assert best.parameter("timing") == pytest.approx(late, abs=4e-4)
     assert best.sigma[0] < 0.01  # the noise of a sample, in a band that holds a part of it
 
 
@@ -114,7 +114,7 @@ def test_errors_are_those_of_the_stated_numbers_where_one_is_at_the_end_of_its_r
     assert found.parameters["coulomb_torque"] == 0.0
     assert found.parameters["static_torque"] > 0.1
     left = residuals(data, fit, 1)
-    stated = fit.errors[~data.seen]
+    stated = fit.errors[~data.fitted_blocks]
     again = [np.sum(left[block.rows] ** 2, axis=0) for block in data.blocks if block.run == 1]
     np.testing.assert_allclose(stated, again, rtol=1e-6)  # the law is linear in what the last step moved
 
@@ -137,7 +137,7 @@ def test_a_wave_pays_for_the_orders_that_it_could_have(arm: Robot) -> None:
     """As many as cycles at the end of the band pass over the travel."""
     data, ripple = data_of(arm, wave), get_effect("torque_ripple")
     term = Term.of(ripple, "joint", {**{p.name: 0.0 for p in ripple.parameters}, "order": 7.0})
-    in_time = Hypothesis().filing(TIMING, f"joint.{TIMING}")
+    in_time = Hypothesis().taking_from_file(TIMING, f"joint.{TIMING}")
     with_wave, with_spring = (
         fitted(data, replace(in_time, terms=(own,))) for own in (term, linear("cable_spring"))
     )
@@ -184,7 +184,7 @@ def test_estimates_do_not_depend_on_the_torques_unit(arm: Robot) -> None:
         data = TorqueData.of(fit_standard(robot, runs[:1]), runs[:1], runs[1:])
         fit = fitted(data, Hypothesis((linear("cable_spring"),)))
         found.append(fit.hypothesis.terms[0].parameters["stiffness"] / factor)
-        assert fit.number("joint.coulomb") / factor == pytest.approx(COULOMB, rel=0.05)
+        assert fit.parameter("joint.coulomb") / factor == pytest.approx(COULOMB, rel=0.05)
     assert found[0] == pytest.approx(found[1], rel=1e-3)
 
 
@@ -198,7 +198,7 @@ def test_independent_samples_of_a_first_order_process(arm: Robot) -> None:
         left = np.zeros(rows.time.size)
         for t in range(1, left.size):
             left[t] = r * left[t - 1] + random.normal()
-        design = data.designs[0] @ fit.numbers
+        design = data.designs[0] @ fit.parameters
         whole = replace(rows, counted=np.ones_like(rows.counted))
         run = replace(data.runs[0], rows=whole, torque=design + left[:, None])
         found.append(independent_shares(replace(data, runs=(run, data.runs[1])), fit)[0])
@@ -213,12 +213,12 @@ def test_the_numbers_of_the_file_are_those_beside_an_event(arm: Robot) -> None:
     best = weighed(found).answer
     assert {term.effect.id for term in best.hypothesis.terms} == {"external_torque"}
     file = guarded(found.data, best, found.standard).file
-    assert file.number("joint.viscous") == pytest.approx(best.number("joint.viscous"), rel=1e-9)
-    assert file.number("joint.coulomb") == pytest.approx(COULOMB, abs=0.01)
+    assert file.parameter("joint.viscous") == pytest.approx(best.parameter("joint.viscous"), rel=1e-9)
+    assert file.parameter("joint.coulomb") == pytest.approx(COULOMB, abs=0.01)
 
 
 def test_a_rotor_of_which_the_file_says_nothing_has_no_price(arm: Robot) -> None:
     data = data_of(arm, nothing)
     free = fitted(data, Hypothesis())
-    held = fitted(data, Hypothesis().filing("joint.reflected_inertia"))
+    held = fitted(data, Hypothesis().taking_from_file("joint.reflected_inertia"))
     assert prior(data, free) == pytest.approx(prior(data, held))

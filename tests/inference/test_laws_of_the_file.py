@@ -179,13 +179,15 @@ def test_laws_of_the_file_cost_nothing_and_each_change_of_them_the_same(arm: Rob
     first, second = runs(excess)
     data = TorqueData.of(fit_standard(with_stribeck(arm), [first]), [first], [second])
     (given,) = data.given
-    as_filed = Hypothesis().filing("joint.viscous", "joint.offset", "joint.reflected_inertia", "bodies")
-    as_filed = given.added_to(as_filed)
-    changed = as_filed.without(given.term)
-    freed = Hypothesis((given.term.freeing("static_torque"),), as_filed.held, as_filed.filed)
-    fits = [fitted(data, hypothesis) for hypothesis in (as_filed, freed, changed)]
+    nominal = Hypothesis().taking_from_file(
+        "joint.viscous", "joint.offset", "joint.reflected_inertia", "bodies"
+    )
+    nominal = given.added_to(nominal)
+    changed = nominal.without(given.term)
+    freed = Hypothesis((given.term.freeing("static_torque"),), nominal.held, nominal.from_file)
+    fits = [fitted(data, hypothesis) for hypothesis in (nominal, freed, changed)]
     late = [
-        0.5 * float((fit.number("timing") / data.layout.width[data.layout.names.index("timing")]) ** 2)
+        0.5 * float((fit.parameter("timing") / data.layout.width[data.layout.names.index("timing")]) ** 2)
         for fit in fits
     ]
     costs = [-prior(data, fit) - own for fit, own in zip(fits, late)]

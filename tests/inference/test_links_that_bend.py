@@ -117,7 +117,7 @@ def damped(change: float) -> EffectUse:
 @lru_cache
 def about_the_file(hidden: EffectUse) -> TorqueData:
     data = TorqueData.of(fit_standard(space_robot(), [shaken(hidden, 1)]), [shaken(hidden, 1)])
-    return data.about(data.filed)
+    return data.about(data.file_values)
 
 
 def along(data: TorqueData, use: EffectUse) -> np.ndarray:
@@ -155,11 +155,11 @@ def test_a_link_that_rings_down_faster_has_another_damping() -> None:
     change = 0.005  # the file has 0.002 and 0.005
     data = about_the_file(damped(change))
     start = Term.of(get_effect("modal_damping"), "link2", {"damping_ratio": 0.01})
-    known = Hypothesis((start,)).filing(*data.layout.names, BODIES)
+    known = Hypothesis((start,)).taking_from_file(*data.layout.names, BODIES)
     for _ in range(2):
         fit = fitted(data, known)
         known = fit.hypothesis
-        data = data.about(data.with_bodies(fit.numbers, known.terms))
+        data = data.about(data.with_bodies(fit.parameters, known.terms))
     value = known.terms[0].parameters["damping_ratio"]
     assert value == pytest.approx(change, abs=2.0 * fit.deviation("modal_damping@link2.damping_ratio"))
     assert value == pytest.approx(change, rel=0.03)

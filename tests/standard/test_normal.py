@@ -15,9 +15,9 @@ TORQUE = RANDOM.normal(size=(40, 2))
 
 
 def normal(rows: slice) -> Normal:
-    acts = acting([DESIGN])
-    columns = [DESIGN[rows, k, own] for k, own in enumerate(acts)]
-    return Normal.of(acts, columns, TORQUE[rows], np.full(2, 40.0), 5)
+    active = acting([DESIGN])
+    columns = [DESIGN[rows, k, own] for k, own in enumerate(active)]
+    return Normal.of(active, columns, TORQUE[rows], np.full(2, 40.0), 5)
 
 
 def test_a_joint_has_the_parameters_that_it_feels_in_any_recording() -> None:

@@ -68,8 +68,8 @@ class BaseData(Data):
         layout = layout_of(runs, begun)
         masks = tuple(own.covered for own in runs)
         quiet, targets, designs = [], [], []
-        filed = layout.start.copy()
-        filed[: runs[0].dynamics.model.inertial.size] = runs[0].dynamics.model.inertial
+        file_values = layout.start.copy()
+        file_values[: runs[0].dynamics.model.inertial.size] = runs[0].dynamics.model.inertial
         for i, (own, mask) in enumerate(zip(runs, masks)):
             momenta = own.rows(own.floating.turned(own.floating.kept(np.eye(3))))
             nuisance = [np.broadcast_to(np.eye(size.size), (*mask.shape, size.size)), own.vibration]
@@ -77,7 +77,7 @@ class BaseData(Data):
             weight = mask / (noise**2 + error**2)
             removed = Vibration.of(np.concatenate(nuisance, axis=2) * mask[:, :, None], weight)
             bodies = bodies_column(own)
-            design = np.zeros((*mask.shape, filed.size))
+            design = np.zeros((*mask.shape, file_values.size))
             design[:, :, : bodies.shape[2]] = bodies
             design[:, :, ~layout.free] = 0.0
             if i < begun:
@@ -87,10 +87,10 @@ class BaseData(Data):
             left = own.reduce(own.measured - own.predicted)
             quiet.append(removed)
             designs.append(design)
-            targets.append(removed.removed(left * mask) + design @ filed)
+            targets.append(removed.removed(left * mask) + design @ file_values)
         return cls(
             layout=layout,
-            filed=filed,
+            file_values=file_values,
             designs=tuple(designs),
             blocks=blocks_of(masks, fitted),
             size=size,
@@ -134,15 +134,15 @@ class BaseData(Data):
 
     def nominal(self, run: int) -> Array:
         """What the parameters' values in the robot file predict, shape (K, m)."""
-        return np.asarray(self.designs[run] @ self.filed)
+        return np.asarray(self.designs[run] @ self.file_values)
 
     def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
         """What may be added to a hypothesis: starts are chosen about the bodies of the robot file.
 
         Those of a hypothesis without an effect have moved to make up for it.
         """
-        seen = [self.rows_seen(i)[:, None] for i in range(self.fitted)]
-        moved = [design @ (numbers - self.filed) for design in self.designs]
+        seen = [self.fitted_rows(i)[:, None] for i in range(self.fitted)]
+        moved = [design @ (numbers - self.file_values) for design in self.designs]
         wanted = [own + np.where(rows, more, 0.0) for own, rows, more in zip(left, seen, moved)]
         key = tuple((term.key, term.values, term.added) for term in hypothesis.terms)
         known = self._begun.get(key)

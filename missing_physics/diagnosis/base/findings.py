@@ -33,9 +33,9 @@ def left_by(data: BaseData, fit: Fit, terms: tuple[Term, ...], run: int) -> Arra
 
     What a recording says itself, its momentum at the start among it, is as in a fit.
     """
-    numbers = data.filed.copy()
+    numbers = data.file_values.copy()
     places = [data.layout.names.index(name) for name in data.further]
-    numbers[places] = fit.numbers[places]
+    numbers[places] = fit.parameters[places]
     return data.target(run) - data.designs[run] @ numbers - data.terms.contributed(terms, run)
 
 

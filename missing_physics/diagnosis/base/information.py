@@ -28,17 +28,18 @@ def of_bodies(base: BaseResult | None) -> Information | None:
     if base is None or base.data is None or base.answer is None:
         return None
     data, hypothesis = base.data, base.answer.hypothesis
-    is_off = BODIES not in hypothesis.filed
-    fit = fitted(data, replace(hypothesis, filed=hypothesis.filed - {BODIES}), base.answer)
+    is_off = BODIES not in hypothesis.from_file
+    fit = fitted(data, replace(hypothesis, from_file=hypothesis.from_file - {BODIES}), base.answer)
     apart = [
-        data.designs[run][data.rows_seen(run)] @ (fit.numbers - data.filed) for run in range(data.fitted)
+        data.designs[run][data.fitted_rows(run)] @ (fit.parameters - data.file_values)
+        for run in range(data.fitted)
     ]
     bent = np.mean(np.concatenate(apart) ** 2, axis=0) / data.size
     weight = np.sqrt(data.independent / (fit.sigma**2 + data.error**2 + bent**2))
     scales = [Term.of(get_effect("sensor_gain"), gyro, {"gain_error": 0.0}) for gyro in data.joints]
     rows, left = [], []
     for run in range(data.fitted):
-        seen = data.rows_seen(run)[:, None] & data.counted(run)
+        seen = data.fitted_rows(run)[:, None] & data.counted(run)
         columns = [data.designs[run], *(data.columns(term, run)[:, :, 1:] for term in scales)]
         rows.append((np.concatenate(columns, axis=2) * weight[:, None])[seen])
         own = data.target(run) - data.terms.contributed(fit.hypothesis.terms, run)
@@ -46,7 +47,7 @@ def of_bodies(base: BaseResult | None) -> Information | None:
     design, target = np.concatenate(rows), np.concatenate(left)
     bodies = np.arange(data.runs[0].dynamics.model.inertial.size)
     names = data.layout.names
-    begun = [k for k in range(bodies.size, len(names)) if names[k] not in hypothesis.filed]
+    begun = [k for k in range(bodies.size, len(names)) if names[k] not in hypothesis.from_file]
     gains = np.arange(len(names), design.shape[1])
     gram, right = design.T @ design, design.T @ target
     known = [prior_of(term, p) for term in scales for p in term.free]

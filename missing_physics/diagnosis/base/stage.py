@@ -125,7 +125,7 @@ def _open_questions(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterat
         "base: the zero of each gyro was left free: a constant rate of the base and an error of its sensor "
         "look the same."
     )
-    started = sorted(set(data.further) - fit.hypothesis.filed)
+    started = sorted(set(data.further) - fit.hypothesis.from_file)
     if started:
         runs = sorted({1 + int(name.rsplit(" ", 1)[1]) for name in started})
         yield (
@@ -133,12 +133,12 @@ def _open_questions(data: BaseData, fit: Fit, terms: tuple[Term, ...]) -> Iterat
             "file holds: its prediction starts at rest."
         )
     floor = np.hypot(data.noise, data.error)
-    rows = [data.rows_seen(i) for i in range(data.fitted)]
+    rows = [data.fitted_rows(i) for i in range(data.fitted)]
     file = np.concatenate([left_by(data, fit, terms, i)[own] for i, own in enumerate(rows)])
     free = np.concatenate([residuals(data, fit, i)[own] for i, own in enumerate(rows)])
     with_file, with_fit = (np.sqrt(np.mean((part / floor) ** 2)) for part in (file, free))
     if with_file > AT_NOISE * max(with_fit, 1.0):
-        how = "within 10 %" if BODIES in fit.hypothesis.filed else "by more than 10 %"
+        how = "within 10 %" if BODIES in fit.hypothesis.from_file else "by more than 10 %"
         better = with_file / max(with_fit, 1.0)
         yield (
             f"base: masses, centres or inertias that differ {how} from the robot file's would predict its "

@@ -92,7 +92,7 @@ def series_of(
             measured=values[:, k],
             nominal=values[:, k] - before[i][:, k],
             augmented=values[:, k] - after[i][:, k],
-            held_out=~data.rows_seen(i),
+            held_out=~data.fitted_rows(i),
             noise_floor=float(data.noise[k]),
             **shown(i, k),
         )
@@ -104,7 +104,7 @@ def series_of(
 def _part(data: Data, every: Sequence[Array], k: int, *, seen: bool) -> Array:
     """What is left of a channel in rows that are fitted, or in the others that are compared."""
     return np.concatenate(
-        [left[data.counted(i)[:, k] & (data.rows_seen(i) == seen), k] for i, left in enumerate(every)]
+        [left[data.counted(i)[:, k] & (data.fitted_rows(i) == seen), k] for i, left in enumerate(every)]
     )
 
 

@@ -118,7 +118,7 @@ def _gain(found: Search[Any], fit: Fit, key: Key, reading: Reading) -> float:
     others = [one for one in found.made.values() if reading.of(one) == less]
     if not others:
         return 0.0
-    unseen = np.ix_(~found.data.seen, reading.channels(key))
+    unseen = np.ix_(~found.data.fitted_blocks, reading.channels(key))
     errors = [one.errors[unseen] / fit.sigma[unseen[1]] ** 2 for one in (max(others, key=found.gain), fit)]
     before, after = (float(one.sum()) for one in errors)
     return 1.0 - float(np.sqrt(after / before)) if before > 0.0 else 0.0

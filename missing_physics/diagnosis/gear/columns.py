@@ -58,8 +58,8 @@ class GapColumns:
         """Sum of what terms contribute to the gaps, shape (K, n)."""
         found = np.zeros((self._gaps[run][0].along.motion.reduced_time.size, len(self._gaps[run])))
         for term in terms:
-            acts, values = self.acting(term, run)
-            found[:, acts] += values[:, :, 0]
+            active, values = self.acting(term, run)
+            found[:, active] += values[:, :, 0]
         return found
 
 

@@ -81,7 +81,7 @@ class GapData(Data):
         )
         return cls(
             layout=layout,
-            filed=np.zeros(offsets.size),
+            file_values=np.zeros(offsets.size),
             designs=tuple(designs),
             blocks=blocks_of([np.ones(target.shape, dtype=bool) for target in whole], fitted),
             size=size,

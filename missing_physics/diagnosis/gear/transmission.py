@@ -169,7 +169,7 @@ def _open_questions(
             "over position."
         )
     after, floor = errors_of(data, left, k), float(np.hypot(data.noise[k], data.error[k]))
-    unseen = np.concatenate([own[~data.rows_seen(i), k] for i, own in enumerate(left)])
+    unseen = np.concatenate([own[~data.fitted_rows(i), k] for i, own in enumerate(left)])
     if after.validation_rms > AT_NOISE * floor and p_value_of(unseen, floor) < BEYOND_NOISE:
         yield (
             f"{channels_of(data)[k].name}: {after.validation_rms:.3g} {unit} rms remain on held-out data "
