@@ -35,7 +35,7 @@ SIDES = 3
 LEAST = 0.05
 #: Index of the torque among the signals of a joint.
 TORQUE = JointSignals.CHANNELS.index("torque")
-#: A torque counts as saturated where at least this fraction is missing [-]: more than the law's rounded corner.
+#: A torque counts as saturated where at least this fraction is missing [-]: more than at its rounded corner.
 CUT = 0.01
 
 
@@ -120,7 +120,7 @@ class KeptColumns:
         return np.where(own.rows.counted, found, 0.0)
 
     def _known(self, term: Term, run: int) -> _Columns | None:
-        """The columns of a term if they are cached or follow from cached ones."""
+        """The columns of a term if they are cached or follow from cached columns."""
         kept, linear_values = self._kept.get(_key(term, run)), _linear_values(term)
         if kept is None or np.array_equal(linear_values, kept.linear_values):
             return kept

@@ -43,7 +43,7 @@ Mask = NDArray[np.bool_]
 #: Standard deviation of the prior of a joint's additional delay, due to filters in its drive [s]: their
 #: cut-offs are some tens of Hz. Holds and buses delay all joints by about a sample.
 FILTER = 5e-3
-#: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is then a thousandth.
+#: Delays that differ by less count as equal [rad at the band's end]: the non-linearity is a thousandth.
 SAME = 0.05
 
 
@@ -151,7 +151,7 @@ class TorqueData(Data):
     def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
         """Whether rows linearised at the first parameters are valid at the second, shape (X,) each.
 
-        The delays must be nearly equal. The motion of a free base and of flexible links depends on the masses,
+        The delays must be nearly equal. The motion of a free base and flexible links depends on the masses,
         and some effects are driven by the torque that the motion needs. In these cases the difference must
         change the torques by less than the noise and the error of any model.
         """
@@ -174,7 +174,7 @@ class TorqueData(Data):
 
     @property
     def follows(self) -> bool:
-        """Whether a free base or flexible links move with the joints, so that the motion depends on masses."""
+        """Whether a free base or flexible links follow the joints, so that the motion depends on masses."""
         return self.runs[0].along.response is not None
 
     @property
@@ -205,8 +205,8 @@ class TorqueData(Data):
         """
         if run not in self._targets:
             own, first = self.runs[run], self.file_values.size - self.size.size
-            delays_of = self.designs[run][:, :, first:] @ own.delays
-            self._targets[run] = np.where(own.rows.counted, own.torque + delays_of, 0.0)
+            shift = self.designs[run][:, :, first:] @ own.delays
+            self._targets[run] = np.where(own.rows.counted, own.torque + shift, 0.0)
         return self._targets[run]
 
     @property

@@ -69,7 +69,7 @@ class Run:
         return self.along.motion
 
     def reduce(self, values: Array) -> Array:
-        """Weight torques at all joints, (N, n, ...), like the rows and reduce them to the band, (K, n, ...)."""
+        """Weight torques at all joints like the rows and reduce them, (N, n, ...) to (K, n, ...)."""
         active = np.flatnonzero(
             values.any(axis=(0, *range(2, values.ndim)))
         )  # skip joints that are zero throughout
@@ -79,7 +79,7 @@ class Run:
         return kept
 
     def reduce_at(self, k: int, values: Array) -> Array:
-        """Smooth torques at joint k, (N, C), weight them like its rows and reduce them to the band, (K, C)."""
+        """Smooth torques at joint k, weight them like its rows and reduce them, (N, C) to (K, C)."""
         return self.reduce_each([k], [values])[0]
 
     def reduce_each(self, joints: Sequence[int], values: Sequence[Array]) -> list[Array]:
@@ -113,7 +113,7 @@ class Run:
         return self._bodies[link]
 
     def link_at_rows(self, link: str) -> tuple[Array, Array, Array]:
-        """Position and rotation of a rigid link's frame at the rows, and the map from a wrench to joint forces.
+        """Position and rotation of a rigid link's frame at the rows, and joint forces per wrench there.
 
         Shapes (K, 3), (K, 3, 3) and (K, n, 6).
         """
@@ -149,7 +149,7 @@ class Run:
 
     @property
     def sliding(self) -> Array:
-        """Torque by the standard model without friction but for the viscous part, shape (N, n)."""
+        """Torque by the standard model without dry friction, shape (N, n)."""
         return self.needed + self.friction + self._viscous * self.motion.velocity
 
     @property
