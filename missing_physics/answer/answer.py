@@ -57,7 +57,7 @@ def answered(
     cutoff: float | None = None,
     experiments: int | None = None,
     searched: Collection[str] = (),
-    beside: Information | None = None,
+    extra: Information | None = None,
     progress: Said,
 ) -> tuple[Result, tuple[Recording, ...]]:
     """The diagnosis before errors of robot files are compared, and the recordings corrected for delays.
@@ -69,7 +69,7 @@ def answered(
         cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
         experiments: seed of the motions that are designed for what is ambiguous; none are when None.
         searched: ids of effects that other channels than torques were compared with.
-        beside: what other channels say of the bodies.
+        extra: what other channels say of the bodies.
         progress: called with a phrase whenever something new is tried.
 
     Raises:
@@ -79,7 +79,7 @@ def answered(
     band = common_band(robot, [*recordings, *validation]) if cutoff is None else cutoff
     windows = [] if validation else _windows(robot, recordings, band)
     standard = fit_standard(robot, recordings, cutoff=band, held_out=windows)
-    data = TorqueData.of(standard, recordings, validation, beside)
+    data = TorqueData.of(standard, recordings, validation, extra)
     progress("weighing hypotheses")
     found = search(data, progress)
     data = found.data

@@ -169,9 +169,9 @@ class _Known:
         driven = np.any([run.driven for run in data.runs], axis=0)
         weight = np.where(driven, shares / (fit.sigma**2 + data.error**2), 0.0)
         gram, right = problem.total.weighted(weight)
-        if layout.beside is not None:
-            gram[np.ix_(layout.places_beside, layout.places_beside)] += layout.beside.matrix
-            right[layout.places_beside] += layout.beside.vector
+        if layout.extra is not None:
+            gram[np.ix_(layout.extra_places, layout.extra_places)] += layout.extra.matrix
+            right[layout.extra_places] += layout.extra.vector
         mine = np.concatenate([np.arange(place.start, place.stop) for place in places])
         others = np.setdiff1d(np.flatnonzero(layout.free), mine)
         held = np.setdiff1d(np.arange(len(layout.names)), np.concatenate([mine, others]))

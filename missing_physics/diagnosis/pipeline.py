@@ -112,7 +112,7 @@ def _weighed(
     covered: Coverage,
     options: Options,
     searched: Collection[str],
-    beside: Information | None,
+    extra: Information | None,
     tell: Said,
 ) -> Result:
     """The diagnosis of the torques, compared with the standard model."""
@@ -124,7 +124,7 @@ def _weighed(
             cutoff=options.cutoff,
             experiments=options.seed if options.experiments else None,
             searched=searched,
-            beside=beside,
+            extra=extra,
             progress=tell,
         )
     except np.linalg.LinAlgError:

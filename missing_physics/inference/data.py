@@ -224,7 +224,7 @@ class Data(ABC):
         return acting(self.designs)
 
     @cached_property
-    def own(self) -> tuple[tuple[Array, ...], ...]:
+    def active_columns(self) -> tuple[tuple[Array, ...], ...]:
         """Columns of the parameters `active` in each recording and channel, shape (K, u) each."""
         return tuple(
             tuple(np.ascontiguousarray(design[:, k, own]) for k, own in enumerate(self.active))
@@ -239,7 +239,7 @@ class Data(ABC):
             else:
                 parts = []
                 for run, rows in self.stretches(fold):
-                    columns = [own[rows] for own in self.own[run]]
+                    columns = [own[rows] for own in self.active_columns[run]]
                     count = self.counted(run)[rows].sum(axis=0).astype(float)
                     target = self.target(run)[rows]
                     parts.append(Normal.of(self.active, columns, target, count, self.file_values.size))

@@ -161,7 +161,7 @@ def _energy(data: Data, terms: Sequence[Term], parameters: Array) -> Array:
     """Squared residual of each joint in the fitted rows, shape (n,)."""
     residual = [data.target(run) - data.terms.contributed(terms, run) for run in range(data.fitted)]
     for run, own in enumerate(residual):
-        for k, (active, columns) in enumerate(zip(data.active, data.own[run])):
+        for k, (active, columns) in enumerate(zip(data.active, data.active_columns[run])):
             own[:, k] -= columns @ parameters[active]
     return np.asarray(sum(np.sum(residual[run][rows] ** 2, axis=0) for run, rows in data.stretches()))
 
@@ -299,7 +299,7 @@ def _impossible(
         joint, needed = term.at.split(".")[0], 0.0
         if joint in data.joints:
             k = data.joints.index(joint)
-            made = (own[k] @ parameters[data.active[k]] for own in data.own)
+            made = (own[k] @ parameters[data.active[k]] for own in data.active_columns)
             needed = max(float(np.abs(one).max()) for one in made)
         why = not_credible(term, data.robot, needed)
         if not why and isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
@@ -342,7 +342,7 @@ def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Arra
     found = np.zeros(x.size)
     found[free] = size * np.sqrt(np.maximum(variance, 0.0))
     if problem.layout.scale.any():  # in proportion to the file's bodies
-        own = problem.data.layout.own
+        own = problem.data.layout.gaussian
         found[own] = np.where(found[own] > 0.0, np.hypot(found[own], FILE * x[own]), 0.0)
     return found
 

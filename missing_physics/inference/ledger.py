@@ -155,7 +155,7 @@ def file_parameters(data: Data) -> tuple[str, ...]:
         if free and name.rpartition(".")[2] in OF_JOINTS and name.split(".")[0] in data.joints
     )
     bodies = any(layout.free[place].any() for place in layout.bodies)
-    bodies = bodies and not (layout.beside is not None and layout.beside.is_off)
+    bodies = bodies and not (layout.extra is not None and layout.extra.is_off)
     return (*own, *data.further, BODIES) if bodies else (*own, *data.further)
 
 

@@ -156,7 +156,7 @@ def rows_of(data: Data, terms: Sequence[Term], runs: Sequence[int]) -> dict[int,
     for k, numbers in enumerate(here):
         active = np.concatenate([data.active[k], *(np.arange(ends[t], ends[t + 1]) for t in numbers)])
         for run in runs:
-            target, columns = data.target(run)[:, k], [data.own[run][k]]
+            target, columns = data.target(run)[:, k], [data.active_columns[run][k]]
             for t in numbers:
                 joints, values = made[run][t]
                 own = values[:, joints == k].sum(axis=1)  # zero if it contributes nothing in this recording
@@ -236,13 +236,15 @@ def _extended(
         start=np.concatenate([base.start, np.zeros(len(each))]),
         free=np.concatenate([free, np.ones(len(each), dtype=bool)]),
         bodies=base.bodies,
-        own=np.concatenate([[i for i in base.own if free[i]], count + np.arange(len(each))]).astype(int),
+        gaussian=np.concatenate([[i for i in base.gaussian if free[i]], count + np.arange(len(each))]).astype(
+            int
+        ),
         positive=positive,
         size=np.concatenate([base.size, size]),
         centre=np.concatenate([middle, centre]),
         width=np.concatenate([spread, width]),
         beams=base.beams,
         scale=np.concatenate([base.scale, np.zeros(len(each))]),
-        beside=None if any(isinstance(t.effect, BodyEffect) for t in hypothesis.terms) else base.beside,
+        extra=None if any(isinstance(t.effect, BodyEffect) for t in hypothesis.terms) else base.extra,
     )
     return layout, start

@@ -1,7 +1,7 @@
 """Normal equations of groups of rows, joint by joint.
 
-A joint's torque depends on the bodies that it carries and on its own rotor and friction, often a small part
-of all parameters: those of one leg of four. So each joint has the normal equations of its own parameters.
+A joint's torque depends on the bodies that it carries and on its rotor and friction: often few of all
+parameters, such as those of one leg of four. So each joint has normal equations in its own parameters only.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Normal:
 
     Attributes:
         acts: indices of the parameters on which each joint's torque depends, shape (u,) each.
-        gram: of their columns at each joint, shape (u, u) each.
-        right: their products with the torque, shape (u,) each.
-        square: of the torque at each joint, shape (n,).
+        gram: products of their columns with each other at each joint, shape (u, u) each.
+        right: products of their columns with the torque, shape (u,) each.
+        square: sum of squares of the torque at each joint, shape (n,).
         count: rows that are compared at each joint, shape (n,).
         size: number of all parameters.
     """
@@ -57,7 +57,7 @@ class Normal:
         return cls(tuple(active), gram, right, np.sum(torque**2, axis=0), count, size)
 
     def __add__(self, other: Normal) -> Normal:
-        """Of both groups of rows, which have the same parameters at every joint."""
+        """Normal equations of both groups of rows, which have the same parameters at every joint."""
         gram = tuple(map(add, self.gram, other.gram))
         right = tuple(map(add, self.right, other.right))
         return Normal(
@@ -89,10 +89,10 @@ def total_of(groups: Sequence[Normal]) -> Normal:
 
 
 def acting(designs: Sequence[Array]) -> tuple[Places, ...]:
-    """Parameters on which each joint's torque depends in any recording, see `Normal.acts`.
+    """Indices of the parameters on which each joint's torque depends in any recording, see `Normal.active`.
 
     Args:
         designs: derivatives of the torques by the parameters, shape (K, n, X) each.
     """
-    felt = np.any([design.any(axis=0) for design in designs], axis=0)
-    return tuple(map(np.flatnonzero, felt))
+    nonzero = np.any([design.any(axis=0) for design in designs], axis=0)
+    return tuple(map(np.flatnonzero, nonzero))

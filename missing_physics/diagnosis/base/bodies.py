@@ -58,7 +58,7 @@ def layout_of(runs: Sequence[Rates], begun: int) -> Layout:
         start=start,
         free=free,
         bodies=tuple(bodies.values()),
-        own=momenta,
+        gaussian=momenta,
         positive=np.zeros(0, dtype=int),
         size=size,
         centre=np.zeros(len(names)),

@@ -71,7 +71,7 @@ class GapData(Data):
             start=offsets,
             free=np.ones(offsets.size, dtype=bool),
             bodies=(),
-            own=np.arange(offsets.size),
+            gaussian=np.arange(offsets.size),
             positive=np.zeros(0, dtype=int),
             size=sizes,
             centre=np.zeros(offsets.size),

@@ -69,7 +69,7 @@ class TorqueData(Data):
         standard: StandardModel,
         recordings: Sequence[Recording],
         held_out: Sequence[Recording] = (),
-        beside: Information | None = None,
+        extra: Information | None = None,
     ) -> Self:
         """The rows of recordings in the band in which the standard model was fitted.
 
@@ -77,7 +77,7 @@ class TorqueData(Data):
             standard: the fitted standard model.
             recordings: those that are fitted.
             held_out: held-out recordings; if empty, a quarter of each recording (`held_out_windows`).
-            beside: information on the bodies from other channels.
+            extra: information on the bodies from other channels.
         """
         runs = runs_of(standard, (*recordings, *held_out))
         fitted = len(recordings)
@@ -89,7 +89,7 @@ class TorqueData(Data):
         step = 1.0 / runs[0].motion.sampling
         driven = np.any([run.driven for run in runs], axis=0)
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
-        layout = replace(layout, beside=beside)
+        layout = replace(layout, extra=extra)
         file_values = np.concatenate(
             [_file_values(standard.nominal, runs[0].model), np.zeros(torque.size + 1)]
         )
@@ -313,7 +313,7 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
         start=np.concatenate([base.start, np.zeros(free.size)]),
         free=np.concatenate([base.free, free]).astype(bool),
         bodies=base.bodies,
-        own=np.concatenate([base.own, size + np.flatnonzero(free)]),
+        gaussian=np.concatenate([base.gaussian, size + np.flatnonzero(free)]),
         positive=base.positive,
         size=np.concatenate([base.size, width]),
         centre=np.concatenate([base.centre, np.zeros(free.size)]),
