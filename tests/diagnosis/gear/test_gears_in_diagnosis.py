@@ -15,7 +15,7 @@ import exudyn_model
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.gear.hysteresis import dahl
 from missing_physics.diagnosis.gear.transmission import TransmissionResult
-from missing_physics.diagnosis.gear_file.effects import found_gears, yielding
+from missing_physics.diagnosis.gear_file.effects import compliant_joints, found_gears
 from missing_physics.diagnosis.gear_file.merge import with_transmission
 from missing_physics.diagnosis.pipeline import Options
 from missing_physics.results.result import (
@@ -78,7 +78,7 @@ def test_findings_become_effects_that_both_engines_run() -> None:
     for findings in ([ELASTIC], [ELASTIC, finding("backlash", half_width=5e-4)], [ELASTIC, lossy]):
         gears = found_gears(arm(), gap(*findings))
         assert {use.effect for use in gears.uses} == {f.effect for f in findings}
-        assert yielding(arm(), gap(*findings)) == ("joint1",)
+        assert compliant_joints(arm(), gap(*findings)) == ("joint1",)
         assert gears.words == ()
         robot = arm(duration=0.05).with_effects(*gears.uses)
         simulate(robot, sensors=False)
@@ -103,7 +103,7 @@ def test_what_cannot_be_simulated_is_left_out_with_a_word() -> None:
     assert any("follows the motion" in words for words in lost.words)
     listed = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 1e4})
     assert found_gears(listed, gap(ELASTIC)).uses == ()
-    assert yielding(listed, None) == ("joint1",)
+    assert compliant_joints(listed, None) == ("joint1",)
     data = arm().model_dump()
     data["joints"][0]["actuator"]["rotor_inertia"] = 0.0
     assert "rotor_inertia" in found_gears(Robot.model_validate(data), gap(ELASTIC)).words[0]
@@ -111,8 +111,8 @@ def test_what_cannot_be_simulated_is_left_out_with_a_word() -> None:
 
 def test_an_encoder_that_errs_is_not_trusted_with_the_joints_motion() -> None:
     late = finding("sensor_delay", "joint1.position", delay=1e-3)
-    assert yielding(arm(), gap(ELASTIC, late)) == ()
-    assert yielding(arm(), None) == ()
+    assert compliant_joints(arm(), gap(ELASTIC, late)) == ()
+    assert compliant_joints(arm(), None) == ()
 
 
 def between(*findings: Finding, left: float) -> TransmissionResult:
