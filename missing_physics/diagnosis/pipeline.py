@@ -117,7 +117,7 @@ def _weighed(
 ) -> Result:
     """The diagnosis of the torques, compared with the standard model."""
     try:
-        found, punctual = answered(
+        found, in_time = answered(
             robot,
             used[:fitted],
             used[fitted:],
@@ -138,7 +138,7 @@ def _weighed(
         could_not_tell=(*covered.sentences, *found.diagnosis.could_not_tell),
     )
     report_progress("comparing with the standard model")
-    return compared(replace(found, diagnosis=diagnosis), robot, punctual, fitted)
+    return compared(replace(found, diagnosis=diagnosis), robot, in_time, fitted)
 
 
 def _between_encoders(

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from missing_physics.evaluation.band import low_passed
-from missing_physics.evaluation.steps import steps_left, unsteadiness
+from missing_physics.evaluation.steps import mean_rounding_error, unsteadiness
 
 RATE, CUTOFF, SMOOTHING = 200.0, 5.0, 25.0
 TIME = np.arange(0.0, 20.0, 1.0 / RATE)
@@ -74,14 +74,14 @@ def test_rounding_errors_in_the_band_are_foreseen(travel: float, largest: float)
 
 
 def test_noise_takes_steps_away() -> None:
-    assert steps_left(0.0, STEP) == pytest.approx(STEP / np.sqrt(12.0))
-    assert steps_left(STEP, STEP) < 1e-8 * STEP
-    assert steps_left(0.0, 0.0) == 0.0
+    assert mean_rounding_error(0.0, STEP) == pytest.approx(STEP / np.sqrt(12.0))
+    assert mean_rounding_error(STEP, STEP) < 1e-8 * STEP
+    assert mean_rounding_error(0.0, 0.0) == 0.0
     fine = np.linspace(0.0, STEP, 400, endpoint=False)
     noise = 0.3 * STEP * np.random.default_rng(4).normal(size=(20000, 1))
     mean = np.mean(STEP * np.round((fine + noise) / STEP), axis=0) - fine
     # Twenty thousand samples leave a hundred and fortieth of the noise in a mean.
-    assert steps_left(0.3 * STEP, STEP) == pytest.approx(float(np.std(mean)), rel=0.15)
+    assert mean_rounding_error(0.3 * STEP, STEP) == pytest.approx(float(np.std(mean)), rel=0.15)
 
 
 def test_a_torque_that_is_not_known_has_a_finite_uncertainty() -> None:

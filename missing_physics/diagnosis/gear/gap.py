@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.evaluation.steps import steps_left
+from missing_physics.evaluation.steps import mean_rounding_error
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
@@ -175,8 +175,8 @@ def _steps(along: MotionDynamics, recording: Recording, channel: str) -> float:
     """rms of the mean error due to an encoder's resolution."""
     sensor = sensor_of(along.model.robot, recording, channel)
     if sensor is not None:
-        return steps_left(sensor.noise, sensor.resolution)
-    return steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
+        return mean_rounding_error(sensor.noise, sensor.resolution)
+    return mean_rounding_error(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
 
 
 def _torques(along: MotionDynamics, links: Array, index: int) -> dict[str, Array]:

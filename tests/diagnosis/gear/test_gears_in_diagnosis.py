@@ -100,7 +100,7 @@ def test_what_cannot_be_simulated_is_left_out_with_a_word() -> None:
     assert any("cannot be simulated together" in words for words in both.words)
     lost = found_gears(arm(), gap(finding("gear_hysteresis", amplitude=1e-4, travel=0.1)))
     assert lost.uses == ()
-    assert any("follows the motion" in words for words in lost.words)
+    assert any("depends on the motion" in words for words in lost.words)
     listed = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 1e4})
     assert found_gears(listed, gap(ELASTIC)).uses == ()
     assert compliant_joints(listed, None) == ("joint1",)
