@@ -1,4 +1,4 @@
-"""The recorded channel from which the torque of a joint's actuator or of a motor follows, and its factor."""
+"""The recorded channel that determines the torque of a joint's actuator or of a motor, and its factor."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class TorqueLack:
 
 
 def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | None:
-    """The missing channel or key why `actuator_torque` finds nothing; None where it finds a torque."""
+    """The missing channel or key because of which `actuator_torque` finds no torque; None if it finds one."""
     if actuator_torque(robot, recording, joint)[0] is not None:
         return None
     recorded = [quantity for quantity in DRIVEN if f"{joint}.{quantity}" in recording]
@@ -93,7 +93,7 @@ def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | 
 
 
 def _motor(robot: Robot, place: str) -> Actuator | None:
-    """The actuator of a joint, or a motor of a transmission; None where a joint has no own actuator."""
+    """The actuator of a joint, or a motor of a transmission; None if a joint has no actuator."""
     return next((drive.actuator for drive in robot.drives if drive.name == place), None)
 
 

@@ -1,4 +1,4 @@
-"""Which stretch of a recording is used, and the message about the rest."""
+"""Selection of the part of a recording that is used, and the message about the rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["LONGEST_GAP", "longest_stretch", "missing_words", "stretch_words"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: A gap of more than this many of a channel's sample times cuts the recording.
+#: A gap of more than this many of a channel's sampling times cuts the recording.
 LONGEST_GAP = 10.0
 #: Gaps that a sentence describes, longest first.
 DESCRIBED = 2
@@ -27,11 +27,11 @@ def longest_stretch(time: Array) -> NDArray[np.intp]:
 
 
 def stretch_words(time: Array, there: Mapping[str, Flags], used: Array) -> str:
-    """Which part of a recording is used and why not the rest; empty where hardly anything is left out.
+    """Which part of a recording is used and why not the rest; empty if hardly anything is unused.
 
     Args:
         time: instants of the recording [s], shape (N,).
-        there: where each channel that is needed has numbers, shape (N,).
+        there: mask of the values of each required channel, shape (N,).
         used: the instants that are used [s], shape (K,).
     """
     usual = LONGEST_GAP * float(np.median(np.diff(used)))
@@ -64,7 +64,7 @@ def _causes(time: Array, there: Mapping[str, Flags], gaps: list[tuple[float, flo
 
 
 def missing_words(there: Mapping[str, Flags]) -> str:
-    """Where numbers are missing, the channel that has fewest and how many, in brackets."""
+    """The channel with the fewest values and their number, in brackets; empty if none is missing."""
     channel, good = min(there.items(), key=lambda item: np.count_nonzero(item[1]))
     if good.all():
         return ""

@@ -254,7 +254,7 @@ def test_a_gear_that_the_robot_file_knows_is_no_news() -> None:
     assert (only.effect, only.location) == ("coulomb_friction", "joint1")
     low, high = only.parameters["torque"].ci95
     assert low <= 4.0 <= high
-    assert any("not weighed again" in sentence for sentence in result.diagnosis.could_not_tell)
+    assert any("was not diagnosed" in sentence for sentence in result.diagnosis.could_not_tell)
     written = robot_from_toml(result.augmented_robot_toml)
     assert {use.effect for use in written.effects if use.at == "joint1"} == {
         "viscous_friction",
