@@ -166,8 +166,8 @@ def _command_findings(mapping: Mapping | None) -> Iterator[Finding]:
             "note",
             "command",
             next(iter(commands)),
-            f"{pairs}: by the name{'s' * (len(commands) > 1)} of what was asked for, not of what was measured;
-            " "what the drive makes of it (lag, gain, saturation) counts as missing physics.",
+            f"{pairs}: by the name{'s' * (len(commands) > 1)} of what was asked for, not of what was "
+            "measured; what the drive makes of it (lag, gain, saturation) counts as missing physics.",
         )
 
 

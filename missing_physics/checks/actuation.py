@@ -20,9 +20,8 @@ def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
     """Whether a joint is undriven, so that the torque of its actuator is known to be zero.
 
     A joint is undriven if it has no actuator and the recording has no channel of one; or if the recorded
-    torque or current is zero throughout. A robot file without any actuator leaves open which joints are
-    driven where the recording has channels of some: nothing drives a robot without actuators whose recording
-    has none of them.
+    torque or current is zero throughout. Without any actuator in the robot file, all joints are undriven if
+    the recording has no actuator channels; if it has some, it is not known which joints are driven.
     """
     described = any(drive.actuator is not None for drive in robot.drives)
     free = not described and not any(channel.endswith(DRIVE_CHANNELS) for channel in recording)
