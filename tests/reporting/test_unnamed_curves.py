@@ -79,7 +79,7 @@ def test_axes_have_words_and_units() -> None:
     assert layout["xaxis"]["title"]["text"] == "joint2's velocity [rad/s]"
     assert layout["yaxis"]["title"]["text"] == "joint2.torque [N m]"
     text = render_html(with_unnamed(drag()), two_link_arm())
-    assert "What joint2 takes beyond the model, over joint2&#39;s velocity" in text
+    assert "Torque of joint2 beyond the model, over joint2&#39;s velocity" in text
     assert drag().words in text
 
 

@@ -20,7 +20,7 @@ _ALIKE = 0.5
 
 
 def quantity_of(channel: str) -> str:
-    """``position`` of ``joint1.position``; empty where there is none."""
+    """``position`` of ``joint1.position``; empty if there is none."""
     parts = channel.split(".")
     return parts[1] if len(parts) > 1 else ""
 
@@ -41,7 +41,7 @@ def is_native(name: str) -> bool:
 
 
 def misspelt(name: str) -> str | None:
-    """The native name that `name` nearly is; None when it is native or nothing like it."""
+    """The native name to which `name` is similar; None if it is native or not similar to any."""
     if not is_dotted(name) or is_native(name):
         return None
     near = _near(quantity_of(name), _MISSPELT)
