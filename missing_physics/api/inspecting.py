@@ -23,7 +23,7 @@ from missing_physics.diagnosis import (
     prepared,
     reason_words,
 )
-from missing_physics.drafting.names import is_asked
+from missing_physics.drafting.names import is_commanded
 from missing_physics.premises import premise_findings
 from missing_physics.recordings import (
     SIZE_LIMIT,
@@ -159,7 +159,9 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
 def _command_findings(mapping: Mapping | None) -> Iterator[Finding]:
     """Findings of torques whose source columns are named like commands."""
     sources = {} if mapping is None else {name: own.source for name, own in mapping.channels.items()}
-    commands = {n: s for n, s in sources.items() if n.endswith(".torque") and s is not None and is_asked(s)}
+    commands = {
+        n: s for n, s in sources.items() if n.endswith(".torque") and s is not None and is_commanded(s)
+    }
     if commands:
         pairs = ", ".join(f"{name} from '{source}'" for name, source in commands.items())
         yield Finding(

@@ -21,9 +21,9 @@ __all__ = ["PASSES", "decimated", "decimation_of"]
 
 Array = NDArray[np.float64]
 
-#: Part of half the new rate up to which the filter passes, middle of its edge, and its length [new samples].
+#: Filter: passband and middle of the edge as fractions of half the new rate, and length [new samples].
 PASSES, EDGE, LENGTH = 0.8, 0.9, 26
-#: Of the Kaiser window: 80 dB.
+#: Shape parameter of the Kaiser window, for an attenuation of 80 dB.
 BETA = 7.86
 #: A gap of more than this many sampling times cuts a recording, and is kept.
 GAP = 10.0

@@ -36,7 +36,7 @@ HALF_WIDTHS = (1, 2, 3)
 OWN_CLOCK, UNEVEN, MOSTLY, FEWEST = 1.5, 0.5, 0.9, 10
 #: Part of the steps that must be whole multiples of the smallest for a channel to count as quantised.
 WHOLE = 0.98
-#: How far from a whole multiple a step may be, in steps.
+#: Largest deviation of a step from an integer multiple, in steps.
 OFF_GRID = 0.05
 #: Values between which the encoder of a resting joint flickers.
 LEVELS_AT_REST = 3

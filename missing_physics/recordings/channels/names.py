@@ -13,9 +13,9 @@ __all__ = ["check_native", "is_dotted", "is_native", "listed", "misspelt", "plac
 
 #: A place may begin with a digit (`3dof.position`), but a number such as 1.5e-3 is no name.
 _DOTTED = re.compile(r"(?:[^\W\d]|\d(?=[\w-]*\.[^\W\d]))[\w-]*(\.[\w-]+){1,2}")
-#: Similarity from which an unknown quantity is taken for a misspelt known one.
+#: Minimum similarity of an unknown quantity that is treated as a misspelt known one.
 _MISSPELT = 0.8
-#: Similarity from which the user is asked.
+#: Minimum similarity for which the user is asked.
 _ALIKE = 0.5
 
 

@@ -149,7 +149,7 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
 
 
 def _ends_words(wanted: Array, kept: Array, spans: MappingType[str, tuple[float, float]]) -> str:
-    """Message on samples at the ends for which a delayed channel, or one with its own instants, has no values."""
+    """Message on samples at the ends without values of a delayed channel, or of one with its own instants."""
     if wanted.size - kept.size <= MOST_UNTOLD:
         return ""
     name, (first, last) = min(spans.items(), key=lambda item: item[1][1] - item[1][0])

@@ -29,9 +29,9 @@ __all__ = ["consistency_findings", "require_consistent", "sentence_of"]
 _GENERAL = re.compile(r" \(scale = [^)]*\)")
 #: Quantities that move with a position.
 _PARTNERS = ("velocity", "reference_position", "motor_position")
-#: Two channels agree when their correlation is at least this and the logarithm of their ratio at most this.
+#: Minimum correlation, and maximum |log ratio|, of two channels that agree.
 SAME, ONE = 0.98, 0.03
-#: They differ where the ratio is further from one than this, or the correlation below this.
+#: Two channels differ if their ratio deviates from 1 by more, or their correlation is smaller.
 OTHER, UNLIKE = 0.1, 0.9
 #: A ratio of motor to joint position that no sensor gain explains.
 MOST_GAIN = 10.0

@@ -45,7 +45,7 @@ def outlook(
 
 
 def _together(sentences: Iterable[tuple[str, str]], every: Sequence[str]) -> list[str]:
-    """Merge equal sentences of several joints into one; if `every` joint is concerned, they are not listed."""
+    """Merge equal sentences of several joints into one; the joints are not listed if it is `every` one."""
     places: dict[str, list[str]] = {}
     for place, words in sentences:
         places.setdefault(words, []).append(place)

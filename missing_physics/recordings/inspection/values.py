@@ -29,11 +29,11 @@ POSITIONS = ("position", "motor_position")
 PLATEAU, PLATEAU_SHARE = 5, 0.002
 #: Quantities that may saturate; a position that rests at its extreme is not a fault.
 EFFORTS = ("torque", "current", "voltage")
-#: A sample this many noise standard deviations away from its neighbours is a stray.
+#: An outlier deviates from its neighbours by at least this many standard deviations of the noise.
 STRAY = 30.0
-#: And at least this part of the channel's range.
+#: And by at least this fraction of the channel's range.
 STRAY_RANGE = 0.01
-#: More strays than this part of the samples are no strays but the motion.
+#: Above this fraction of the samples, deviations are motion rather than outliers.
 MOST_STRAYS = 0.002
 #: Quantities that a diagnosis needs at every instant.
 CORE = (*EFFORTS, "position", "motor_position", "reference_position")

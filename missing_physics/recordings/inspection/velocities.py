@@ -40,11 +40,11 @@ LAG_SAMPLES, LAG_SECONDS, FILTERS = 3, 0.01, 0.05
 EXPLAINED, CHANCE = 0.9, 25.0
 #: Deviations that count as noise: standard errors of the factor, and multiples of the expected energy.
 SURE, TOLERATED = 4.0, 4.0
-#: A position moves where its changes have this many times the energy of their noise.
+#: A position moves if its changes have this many times the energy of their noise.
 MOVES = 25.0
-#: A filter with a lag may remove up to this part of a velocity; less than `NOTHING` of it counts as none.
+#: Largest fraction of a velocity that a filter may remove; below `NOTHING` there is no filter.
 FILTERED, NOTHING = 0.5, 0.2
-#: Part of the windows with the largest disagreement, which are left out since outliers spoil some.
+#: Fraction of the windows, those with the largest disagreement, excluded because of outliers.
 STRAYS = 0.05
 #: Largest difference of a factor from a known one, as a natural logarithm.
 KNOWN = 0.1

@@ -10,12 +10,12 @@ from robot_model import InputError
 
 __all__ = ["NUMBER", "SIZE_LIMIT", "Budget"]
 
-#: What the variables of one recording may take unless another limit is given [bytes]. Reading and checking
-#: hold up to three copies for a while, which a machine with 8 GB has room for.
+#: Default memory limit for the variables of one recording [bytes]. Reading and checking temporarily
+#: hold up to three copies, for which a machine with 8 GB has enough memory.
 SIZE_LIMIT = 2e9
-#: What a number takes at least, whatever it takes in the file, since all become float64 [bytes].
+#: Smallest size of a number in memory [bytes], whatever its size in the file, since all become float64.
 NUMBER = 8
-#: The proposed limit has three digits, rounded up, so that it suffices.
+#: Significant digits of the proposed limit, which is rounded up.
 _DIGITS = Context(prec=3, rounding=ROUND_CEILING)
 
 

@@ -20,10 +20,10 @@ __all__ = ["BodyShape", "Poses", "body_shapes", "poses", "reach"]
 
 Array = NDArray[np.float64]
 
-#: Half width of a drawn link as a share of the robot's size, where its inertia does not say better.
+#: Half width of a drawn link as a fraction of the robot's size, if its inertia gives no estimate.
 SLIMMEST = 0.012
 WIDEST = 0.12
-#: The same for a body of which no extent is known.
+#: The same for a body of unknown size.
 PLAIN = 0.08
 
 

@@ -14,7 +14,7 @@ from robot_model import InputError
 
 __all__ = ["Group", "Variables", "variables"]
 
-#: The instants of a group: of the headers, and of the recorder.
+#: Time stamps of a group: those of the headers, and of the recorder.
 CLOCKS = ("time", "receive_time")
 #: Names that an error shows.
 _SHOWN = 4

@@ -108,7 +108,7 @@ def _values(item: h5py.Dataset) -> NDArray[Any]:
 
 
 def _check_chunks(item: h5py.Dataset) -> None:
-    """Check chunk lengths, since HDF5 inflates a chunk completely before comparing with the declared length."""
+    """Check chunk lengths, since HDF5 inflates a whole chunk before comparing with the declared length."""
     properties = item.id.get_create_plist()
     codes = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
     if not set(codes) <= {_DEFLATE, *_PLAIN} or codes.count(_DEFLATE) > 1:

@@ -13,9 +13,9 @@ from missing_physics.recordings.readers.source import Source
 
 __all__ = ["Plain", "Stream", "Unpacked", "read_array"]
 
-#: Bytes that are unpacked, or passed over, at once.
+#: Number of bytes unpacked, or skipped, at once.
 _BLOCK = 1 << 16
-#: Bytes that may follow a compressed variable, which fill its last element up.
+#: Number of bytes that may follow a compressed variable as padding of its last element.
 _PADDING = 8
 
 
@@ -81,7 +81,7 @@ class Unpacked:
             done += len(block)
 
     def skip(self, count: int) -> None:
-        """See `Stream`; skipped bytes are taken from the budget like kept ones, since unpacking takes time."""
+        """See `Stream`; skipped bytes count in the budget like kept ones, since unpacking takes time."""
         if count < 0:
             raise ValueError("an element is longer than what it is part of")
         end = self.at + count
