@@ -9,7 +9,7 @@ import pytest
 from challenge_cases import ARM, answer, design, hiding
 
 from missing_physics.challenge.concealing.conceal import concealed
-from missing_physics.challenge.concealing.tuning import takes_back
+from missing_physics.challenge.concealing.tuning import corrects_file
 from missing_physics.challenge.scoring import score as scoring
 from missing_physics.challenge.scoring.result import case_score
 from missing_physics.challenge.scoring.score import judged, scored
@@ -111,9 +111,9 @@ def given(factor: float) -> object:
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_only_what_takes_tuning_back_is_right(factor: float, effect: str, name: str, sign: int) -> None:
     item = {"effect": effect, "location": "link2", "parameters": {name: {"value": 0.1 * sign}}}
-    assert takes_back(TUNED, given(factor), item) == (sign * (1 - factor) > 0)  # type: ignore[arg-type]
-    assert not takes_back(TUNED, given(factor), {**item, "location": "link1"})  # type: ignore[arg-type]
-    assert not takes_back(TUNED, TUNED.nominal, item)
+    assert corrects_file(TUNED, given(factor), item) == (sign * (1 - factor) > 0)  # type: ignore[arg-type]
+    assert not corrects_file(TUNED, given(factor), {**item, "location": "link1"})  # type: ignore[arg-type]
+    assert not corrects_file(TUNED, TUNED.nominal, item)
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.5])
@@ -125,7 +125,7 @@ def test_tuned_friction_is_reported_as_a_whole(factor: float, told: float) -> No
     other = use.model_copy(update={name: factor * value})
     tuned = TUNED.nominal.model_copy(update={"effects": (other, *TUNED.nominal.effects[1:])})
     item = {"effect": use.effect, "location": use.at, "parameters": {name: {"value": told * value}}}
-    assert takes_back(TUNED, tuned, item) == ((told > factor) == (factor < 1))
+    assert corrects_file(TUNED, tuned, item) == ((told > factor) == (factor < 1))
 
 
 def test_a_change_the_other_way_is_a_wrong_name() -> None:

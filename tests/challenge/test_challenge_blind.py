@@ -181,7 +181,7 @@ def test_a_visible_checkout_is_covered_but_for_what_runs(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     checkout = tmp_path / "src"
-    for room in (*blind.ROOMS, "missing_physics/challenge", ".venv", "reports"):
+    for room in (*blind.PACKAGES, "missing_physics/challenge", ".venv", "reports"):
         (checkout / room).mkdir(parents=True)
     (checkout / "pyproject.toml").touch()
     monkeypatch.setattr(blind, "_sources", lambda: checkout)

@@ -10,7 +10,7 @@ from quick_ones import quick_names
 from missing_physics.challenge.cases.conditions import Conditions, TorqueRecord
 from missing_physics.challenge.cases.truth import Design
 from missing_physics.challenge.concealing.conceal import Concealed
-from missing_physics.challenge.concealing.tuning import takes_back
+from missing_physics.challenge.concealing.tuning import corrects_file
 from missing_physics.challenge.scoring.held_out import held_out_errors
 from missing_physics.challenge.scoring.information import IDENTIFIABLE, distances
 from missing_physics.challenge.torques.along import ArmAlong
@@ -105,8 +105,8 @@ def test_a_finding_that_corrects_a_wrong_file_is_right(sign: int, error: str, ef
     case = design(ARM)
     wrong = case.model_copy(update={"conditions": Conditions(file_errors={error: 0.08})})
     item = {"effect": effect, "location": "link2", "parameters": {name: {"value": 0.01 * sign}}}
-    assert takes_back(wrong, Concealed(wrong).given, item) == (sign < 0)
-    assert not takes_back(case, made(case).given, item)
+    assert corrects_file(wrong, Concealed(wrong).given, item) == (sign < 0)
+    assert not corrects_file(case, made(case).given, item)
 
 
 def test_friction_of_a_wrong_file_is_named_as_a_whole() -> None:
@@ -119,4 +119,4 @@ def test_friction_of_a_wrong_file_is_named_as_a_whole() -> None:
     assert given.effects[0].parameters["coefficient"] == pytest.approx(90.0)
     for value, right in ((95.0, True), (80.0, False)):
         item = {"effect": use.effect, "location": use.at, "parameters": {"coefficient": {"value": value}}}
-        assert takes_back(wrong, given, item) == right
+        assert corrects_file(wrong, given, item) == right

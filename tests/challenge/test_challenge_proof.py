@@ -136,7 +136,7 @@ def test_a_fault_of_a_cluster_is_no_answer() -> None:
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missing_physics.challenge.processes.workers.PATIENCE", 1)
+    monkeypatch.setattr("missing_physics.challenge.processes.workers.ANSWER_TIME", 1)
     with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         list(carried_out(Work("diagnose", scheduler="tcp://127.0.0.1:9"), iter([])))
 

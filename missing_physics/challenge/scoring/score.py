@@ -15,7 +15,7 @@ import pyarrow.csv as pa_csv
 from missing_physics.challenge.cases.truth import Design
 from missing_physics.challenge.concealing.conceal import EXACT, Concealed, with_exact
 from missing_physics.challenge.concealing.recorded_torque import logged
-from missing_physics.challenge.concealing.tuning import might_take_back, takes_back
+from missing_physics.challenge.concealing.tuning import corrects_file, may_correct_file
 from missing_physics.challenge.draws.warming import EFFECT as BY_TEMPERATURE
 from missing_physics.challenge.scoring.baselines import baselines, measured_joints, torque_error
 from missing_physics.challenge.scoring.held_out import held_out_errors
@@ -158,7 +158,7 @@ def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
         low, high = estimate["ci95"]
         if truth is not None and name in truth.parameters and None not in (low, high):
             covered[name] = bool(low <= truth.parameters[name] <= high)
-    right = truth is not None or label in _springs(design) or takes_back(design, given, item)
+    right = truth is not None or label in _springs(design) or corrects_file(design, given, item)
     return Finding(label, probability, right, (label, *item["ambiguous_with"]), covered)
 
 
@@ -176,7 +176,7 @@ def stated_and_there(
     stated: dict[str, float] = {}
     for rival in (rival for item in findings for rival in item.get("alternatives", ())):
         label, probability = f"{rival['effect']}@{rival['location']}", rival["probability"]
-        if probability is not None and not might_take_back(design, given, label):
+        if probability is not None and not may_correct_file(design, given, label):
             stated[label] = max(float(probability), stated.get(label, 0.0))
     judged_ones = [_finding(design, given, item) for item in findings]
     stated |= {finding.label: finding.probability for finding in judged_ones}

@@ -22,7 +22,7 @@ def _changed(path: Path, why: str) -> InputError:
 
 
 def cases_fingerprint(store: Store, names: Iterable[str]) -> str:
-    """One fingerprint of all cases."""
+    """Joint fingerprint of all cases."""
     parts = []
     for name in names:
         store.expected(Made, "manifest", f"{name}.json")
@@ -31,16 +31,16 @@ def cases_fingerprint(store: Store, names: Iterable[str]) -> str:
 
 
 def check_cases(store: Store, names: Iterable[str], sealed: Sealed) -> None:
-    """Raises `InputError` where the cases are not those that were sealed."""
+    """Raise `InputError` if the cases are not those that were sealed."""
     if sealed.cases_sha256 != cases_fingerprint(store, names):
         raise InputError(f"{store.path('manifest')} was changed after the cases were sealed.")
 
 
 def opened_by(store: Store) -> Opened:
-    """What was opened: its key opens the sealed file, which holds the promised truth, as stated.
+    """The opened truth, after checking its key, the sealed file and the fingerprint of the truth.
 
     Raises:
-        InputError: one of the files does not agree with the others; it is named.
+        InputError: one of the files, which is named, does not agree with the others.
     """
     opened = store.expected(Opened, "opened.json")
     sealed = store.expected(Sealed, "seal.json")
@@ -62,7 +62,7 @@ def opened_by(store: Store) -> Opened:
 
 
 def checked_answers(store: Store, made: Iterable[str], opened: Opened) -> dict[str, str]:
-    """Fingerprint of every answer, as they were before the seal was opened."""
+    """Fingerprint of every answer, checked against the fingerprint recorded when the seal was opened."""
     path = store.path("answers.json")
     promised = store.expected(Answers, "answers.json").answers
     if digest(path.read_bytes()) != opened.answers_sha256:
