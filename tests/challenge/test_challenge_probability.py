@@ -9,7 +9,7 @@ import pytest
 from challenge_cases import answer, hiding, made
 
 from missing_physics.challenge.scoring.probability import FLOOR, probability_score
-from missing_physics.challenge.scoring.score import stated_and_there
+from missing_physics.challenge.scoring.score import stated_and_true
 
 A, B = "coulomb_friction@joint1", "payload@link2"
 
@@ -69,10 +69,10 @@ def with_rivals(*rivals: tuple[str, str, float]) -> dict[str, object]:
 def test_rivals_of_a_finding_are_mentioned_with_their_probability() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     given = made(case).given
-    stated, there = stated_and_there(case, given, with_rivals(("coulomb_friction", "joint1", 0.3)))
+    stated, there = stated_and_true(case, given, with_rivals(("coulomb_friction", "joint1", 0.3)))
     assert stated == {"stribeck_friction@joint1": 0.6, A: 0.3}
     assert there == {A}
-    nothing, hidden = stated_and_there(case, given, None)
+    nothing, hidden = stated_and_true(case, given, None)
     assert nothing == {}
     assert hidden == {A}
 
@@ -80,7 +80,7 @@ def test_rivals_of_a_finding_are_mentioned_with_their_probability() -> None:
 def test_a_finding_counts_before_a_rival_of_the_same_name() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     said = with_rivals(("stribeck_friction", "joint1", 0.1), ("viscous_friction", "joint1", 0.2))
-    stated, _ = stated_and_there(case, made(case).given, said)
+    stated, _ = stated_and_true(case, made(case).given, said)
     assert stated == {"stribeck_friction@joint1": 0.6, "viscous_friction@joint1": 0.2}
 
 
@@ -90,5 +90,5 @@ def test_a_rival_that_may_stand_for_a_wrong_number_of_the_file_is_left_out() -> 
     wrong = case.model_copy(update={"conditions": case.conditions.model_copy(update=errors)})
     said = with_rivals(("payload", "carriage", 0.3), ("cable_spring", "joint1", 0.1))
     for truth, mentioned in ((case, 3), (wrong, 2)):
-        stated, _ = stated_and_there(truth, made(truth).given, said)
+        stated, _ = stated_and_true(truth, made(truth).given, said)
         assert len(stated) == mentioned

@@ -7,7 +7,7 @@ import os
 from plotly.offline import get_plotlyjs
 
 from missing_physics.challenge.cases.families import MEANING
-from missing_physics.challenge.page import case_line, falls_short, interval, percent, proper, wanted
+from missing_physics.challenge.page import case_line, falls_short, interval, percent, proper_scores, wanted
 from missing_physics.challenge.scoring.result import Report
 from missing_physics.challenge.scoring.shares import FEW
 from missing_physics.challenge.scoring.shortfalls import shortfalls
@@ -47,7 +47,7 @@ def render_challenge(report: Report, *, title: str = "Blind challenge") -> str:
             wanted=wanted,
             case_line=case_line,
             short=falls_short(report, found),
-            proper=proper(found),
+            proper_scores=proper_scores(found),
             shortfalls=shortfalls(report.scores),
             style=asset("style.css"),
             library=library,
