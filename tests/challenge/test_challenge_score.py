@@ -264,7 +264,7 @@ def test_an_answer_that_cannot_be_run_improves_nothing() -> None:
     assert found.unrun == 1
     assert found.improvement == pytest.approx(0.45)
     page = markdown(Report((score(), lost), {}, FACTS), command="c", environment="e")
-    assert "Of the cases counted 1 have no answer" in page
+    assert "1 of these cases have no answer" in page
 
 
 def test_the_most_probable_name_is_what_was_named() -> None:

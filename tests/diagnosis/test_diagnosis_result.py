@@ -101,7 +101,7 @@ def test_the_file_has_the_documented_keys_and_types() -> None:
     assert data["mismatch"][0]["windows"] == [[3.1, 3.9]]
 
 
-def test_numbers_that_are_not_finite_become_null() -> None:
+def test_non_finite_numbers_become_null() -> None:
     for value in (math.nan, math.inf, -math.inf, np.float64("nan")):
         text = Diagnosis(**{**vars(DIAGNOSIS), "fit": Fit({}, value)}).to_json()
         assert json.loads(text, parse_constant=pytest.fail)["fit"]["validation_improvement"] is None
@@ -117,7 +117,7 @@ def finding(probability: float, *rivals: str) -> Finding:
     return Finding("coulomb_friction", "joint1", probability, {}, ambiguous_with=rivals)
 
 
-def test_summaries_say_what_the_verdict_means() -> None:
+def test_summaries_explain_the_verdict() -> None:
     robot = load_robot("two_link_arm")
     fit = Fit({}, 0.81)
 

@@ -88,7 +88,7 @@ def written(result: Result, effect: str) -> dict[str, float]:
     return dict(use.parameters)
 
 
-def test_a_law_of_the_file_that_is_right_leaves_nothing(arm: Robot) -> None:
+def test_correct_friction_law_of_the_robot_file_leaves_no_residual(arm: Robot) -> None:
     uneven = arm.with_effects(
         viscous(),
         EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB),
@@ -102,7 +102,7 @@ def test_a_law_of_the_file_that_is_right_leaves_nothing(arm: Robot) -> None:
         assert not told.nominal_parameters
 
 
-def test_friction_that_falls_with_temperature_as_the_file_says_leaves_nothing(arm: Robot) -> None:
+def test_temperature_dependent_friction_of_the_file_leaves_no_residual(arm: Robot) -> None:
     robot = arm.with_effects(
         viscous(),
         EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB),
@@ -119,7 +119,7 @@ def test_friction_that_falls_with_temperature_as_the_file_says_leaves_nothing(ar
 
 
 @pytest.mark.parametrize("kind", ["stribeck_friction", "lugre_friction"])
-def test_one_effect_beside_a_law_of_the_file_is_all_that_is_named(arm: Robot, kind: str) -> None:
+def test_with_a_friction_law_in_the_file_only_the_hidden_effect_is_named(arm: Robot, kind: str) -> None:
     robot = with_stribeck(arm) if kind == "stribeck_friction" else with_bristles(arm)
     result = diagnosed(robot, both(spring, excess if kind == "stribeck_friction" else bristles))
     told = result.diagnosis
@@ -130,7 +130,7 @@ def test_one_effect_beside_a_law_of_the_file_is_all_that_is_named(arm: Robot, ki
     assert {name: written(result, kind)[name] for name in values} == values
 
 
-def test_a_static_torque_that_is_off_is_a_changed_number_of_the_file(arm: Robot) -> None:
+def test_wrong_static_torque_is_reported_as_a_changed_file_parameter(arm: Robot) -> None:
     result = diagnosed(with_stribeck(arm, 0.6 * STATIC), excess)
     told = result.diagnosis
     assert told.findings == ()
@@ -143,7 +143,7 @@ def test_a_static_torque_that_is_off_is_a_changed_number_of_the_file(arm: Robot)
     assert written(result, "stribeck_friction")["coulomb_torque"] == COULOMB
 
 
-def test_a_law_that_another_one_replaces_is_that_law(arm: Robot) -> None:
+def test_friction_law_that_replaces_that_of_the_file_is_named(arm: Robot) -> None:
     result = diagnosed(with_stribeck(arm), bristles)
     (finding,) = result.diagnosis.findings
     assert finding.effect == "lugre_friction"
@@ -151,7 +151,7 @@ def test_a_law_that_another_one_replaces_is_that_law(arm: Robot) -> None:
     assert "stribeck_friction" not in result.augmented_robot_toml
 
 
-def test_friction_that_the_joint_has_not_is_stated_as_zero(arm: Robot) -> None:
+def test_friction_of_the_file_that_is_absent_is_reported_as_zero(arm: Robot) -> None:
     """The joint's dry friction in the recording is compensated, and the file has it."""
 
     def frictionless(time: Array, position: Array, velocity: Array) -> Array:
@@ -164,7 +164,7 @@ def test_friction_that_the_joint_has_not_is_stated_as_zero(arm: Robot) -> None:
     assert changes["stribeck_friction@joint.coulomb_torque"] == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_force_of_no_known_effect_beside_a_law_of_the_file_stays_without_a_name(arm: Robot) -> None:
+def test_unknown_force_with_a_friction_law_in_the_file_is_reported_without_a_name(arm: Robot) -> None:
     def thinning(time: Array, position: Array, velocity: Array) -> Array:
         return 0.3 * np.arctan(velocity)
 
@@ -175,7 +175,7 @@ def test_a_force_of_no_known_effect_beside_a_law_of_the_file_stays_without_a_nam
     assert not [change for change in told.nominal_parameters if "@" in change.name]
 
 
-def test_laws_of_the_file_cost_nothing_and_each_change_of_them_the_same(arm: Robot) -> None:
+def test_friction_laws_of_the_file_are_not_penalised_and_changes_equally(arm: Robot) -> None:
     first, second = runs(excess)
     data = TorqueData.of(fit_standard(with_stribeck(arm), [first]), [first], [second])
     (given,) = data.given
@@ -194,7 +194,7 @@ def test_laws_of_the_file_cost_nothing_and_each_change_of_them_the_same(arm: Rob
     assert costs == pytest.approx([0.0, ODDS, 2.0 * ODDS], abs=1e-9)  # no law, and a free Coulomb friction
 
 
-def test_two_laws_of_one_kind_at_one_joint_are_refused(arm: Robot) -> None:
+def test_two_friction_laws_of_one_kind_at_one_joint_are_rejected(arm: Robot) -> None:
     waves = [
         EffectUse(effect="position_dependent_friction", at="joint", cosine=0.1, sine=0.0, order=order)
         for order in (3.0, 5.0)

@@ -57,7 +57,7 @@ def told(geared: Robot) -> Result:
     return diagnose(geared, [recorded(STIFFNESS, seed=1)], [recorded(STIFFNESS, seed=2)])
 
 
-def test_its_stiffness_is_found_in_the_torque(told: Result) -> None:
+def test_gear_stiffness_is_estimated_from_the_torque(told: Result) -> None:
     [found] = told.diagnosis.findings
     assert (found.effect, found.location) == ("joint_elasticity", "joint")
     stiffness = found.parameters["stiffness"]
@@ -67,7 +67,7 @@ def test_its_stiffness_is_found_in_the_torque(told: Result) -> None:
     assert told.diagnosis.verdict == "explained"
 
 
-def test_the_file_that_is_written_predicts_the_torque_by_the_twist(told: Result, geared: Robot) -> None:
+def test_augmented_robot_with_gear_elasticity_predicts_the_torque(told: Result, geared: Robot) -> None:
     other = recorded(STIFFNESS, seed=3)
     files = robot_from_toml(told.augmented_robot_toml), geared
     after, before = (evaluate(file, other, Band(3.0, 15.0)).rms()["joint.torque"] for file in files)

@@ -73,7 +73,7 @@ class ArmAlong:
 
     @cached_property
     def inertance(self) -> tuple[Array, Array, Array]:
-        """Derivatives of the torques with respect to position, velocity, acceleration of fast motion, (N, n, n)."""
+        """Derivatives of the torques w.r.t. position, velocity and acceleration of fast motion, (N, n, n)."""
         q, v, a = (self._rows.stiff(jacobian) for jacobian in self._jacobians)
         return q, v, a
 

@@ -18,7 +18,7 @@ def _limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorded, "MOST_SAMPLES", MOST)
 
 
-def test_too_many_rows_are_refused_in_one_sentence() -> None:
+def test_too_many_rows_are_rejected_with_one_sentence() -> None:
     time = np.arange(MOST + 1) * 1e-3
     recording = Recording(time, {"joint1.position": time, "joint1.torque": time}, source="long.parquet")
     with pytest.raises(InputError, match=rf"long\.parquet has {MOST + 1} samples") as refused:
@@ -27,7 +27,7 @@ def test_too_many_rows_are_refused_in_one_sentence() -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_the_limit_falls_with_the_square_of_the_joints() -> None:
+def test_row_limit_decreases_with_the_square_of_the_number_of_joints() -> None:
     count = MOST // 4 + 1
     time = np.arange(count) * 1e-3
     channels = {f"joint{k}.{what}": time for k in (1, 2) for what in ("position", "torque")}
