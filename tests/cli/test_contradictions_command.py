@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return where
 
 
-def test_diagnose_ends_with_the_line_of_the_map(
+def test_diagnose_stops_and_prints_the_correcting_line_of_the_map(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("diagnose", folder / "robot.toml", folder / "wrong.csv", "--out", tmp_path / "out", "--quiet")
@@ -61,7 +61,7 @@ def test_inspect_prints_a_map_that_corrects_it(
     assert "runs against" not in capsys.readouterr().out
 
 
-def test_without_a_robot_the_torque_cannot_be_judged(
+def test_without_a_robot_the_torque_is_not_checked(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, "inspect", folder / "wrong.csv") == 0
@@ -76,7 +76,7 @@ WRONG_RATES = {
 
 
 @pytest.mark.parametrize("which", WRONG_RATES)
-def test_diagnose_ends_with_what_is_wrong_with_a_velocity(
+def test_diagnose_stops_and_reports_a_wrong_velocity(
     which: str,
     folder: Path,
     tmp_path: Path,
@@ -100,7 +100,7 @@ def test_diagnose_ends_with_what_is_wrong_with_a_velocity(
     assert correction in said
 
 
-def test_diagnose_refuses_an_attitude_in_another_order_before_any_physics_is_named(
+def test_diagnose_rejects_a_quaternion_in_another_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Dry friction is hidden besides: it is not named from a recording read wrongly."""

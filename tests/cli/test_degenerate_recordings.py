@@ -73,7 +73,7 @@ def proof(case: str, insist: bool) -> bool:
         for case, insist in [*((case, False) for case in CASES), *INSISTING]
     ],
 )
-def test_no_warning_reaches_the_user(
+def test_degenerate_recordings_print_no_library_warnings(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

@@ -86,7 +86,7 @@ def error(recording: Recording, robot: Robot) -> float:
     return float(np.sqrt(np.mean((recording["joint1.torque"] - again["joint1.torque"]) ** 2)))
 
 
-def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
+def test_diagnose_writes_all_files_and_the_augmented_robot_reproduces_the_recording(
     case: Path, first: tuple[Path, Said]
 ) -> None:
     out, said = first
@@ -115,7 +115,7 @@ def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
     assert "coulomb" in html.lower()
 
 
-def test_the_same_again_replaces_old_files_with_a_summary_on_stdout_and_progress_on_stderr(
+def test_repeated_diagnose_replaces_files_with_summary_on_stdout_and_progress_on_stderr(
     case: Path, tmp_path: Path, front: Front, first: tuple[Path, Said]
 ) -> None:
     for name in FILES:
@@ -139,7 +139,7 @@ def test_the_same_again_replaces_old_files_with_a_summary_on_stdout_and_progress
         assert (first[0] / name).read_bytes() == second[name]
 
 
-def test_a_recording_that_cannot_tell_is_a_result_and_not_an_error(
+def test_uninformative_recording_is_a_result_and_not_an_error(
     case: Path, tmp_path: Path, front: Front
 ) -> None:
     whole = load_recording(case / "recording.csv")
@@ -156,7 +156,7 @@ def test_a_recording_that_cannot_tell_is_a_result_and_not_an_error(
 
 
 @pytest.mark.parametrize("samples", [55, 70, 90])
-def test_hardly_any_samples_are_not_enough_and_no_error(
+def test_very_few_samples_are_insufficient_but_not_an_error(
     case: Path, tmp_path: Path, front: Front, samples: int
 ) -> None:
     """Of so few, next to none are left inside the edges of the filter."""
@@ -256,7 +256,7 @@ def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
         "unknown key",
     ],
 )
-def test_unusable_input_is_one_sentence_code_2_and_no_file(
+def test_unusable_input_gives_one_sentence_code_2_and_no_file(
     kind: str, case: Path, tmp_path: Path, front: Front
 ) -> None:
     words, sentence = spoilt(case, tmp_path, kind)
@@ -271,7 +271,7 @@ def test_unusable_input_is_one_sentence_code_2_and_no_file(
     assert not out.exists()
 
 
-def test_a_folder_that_cannot_be_written_is_refused(case: Path, tmp_path: Path, front: Front) -> None:
+def test_unwritable_folder_is_rejected(case: Path, tmp_path: Path, front: Front) -> None:
     (tmp_path / "out").write_text("a file where the folder should be")
     said = front.diagnose(case / "robot.toml", case / "recording.csv", "--out", tmp_path / "out", "--quiet")
     assert said.code == UNUSABLE_INPUT

@@ -50,7 +50,7 @@ def raising(error: Exception) -> Any:
         (PermissionError(errno.EACCES, "Permission denied", "b"), 2, "Permission denied (b).\n"),
     ],
 )
-def test_one_sentence_and_a_code(
+def test_errors_give_one_sentence_and_an_exit_code(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     error: Exception,
@@ -64,7 +64,7 @@ def test_one_sentence_and_a_code(
     assert said.count("\n") == 1
 
 
-def test_a_full_disk_behind_a_sentence_is_distinguished_from_unusable_input(
+def test_full_disk_is_distinguished_from_unusable_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A step of a challenge that ends like this has no answer yet, and is tried again."""
@@ -82,13 +82,13 @@ def test_a_full_disk_behind_a_sentence_is_distinguished_from_unusable_input(
     assert code == cli.UNUSABLE_INPUT == stage.UNUSABLE
 
 
-def test_other_faults_of_the_program_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_program_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cli, "app", raising(RuntimeError("no such state")))
     with pytest.raises(RuntimeError, match="no such state"):
         cli.main()
 
 
-def test_memory_that_is_not_there_behind_a_sentence_is_distinguished_from_unusable_input(
+def test_lack_of_memory_is_distinguished_from_unusable_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def command(**_: object) -> None:
@@ -100,7 +100,7 @@ def test_memory_that_is_not_there_behind_a_sentence_is_distinguished_from_unusab
     assert ended(monkeypatch, capsys, command)[0] == cli.TRY_AGAIN
 
 
-def test_what_lacks_room() -> None:
+def test_errors_of_full_disk_or_memory_are_recognised() -> None:
     assert lacks_room(OSError(errno.ENOSPC, ""))
     assert lacks_room(MemoryError())
     assert not lacks_room(OSError(errno.ENOENT, ""))
@@ -118,7 +118,7 @@ def test_what_lacks_room() -> None:
         (["inspect", "--no-such-option"], "--no-such-option"),
     ],
 )
-def test_a_command_line_that_cannot_be_read_is_one_sentence(
+def test_invalid_command_line_gives_one_sentence(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], told: str
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["missing-physics", *words])
@@ -130,7 +130,9 @@ def test_a_command_line_that_cannot_be_read_is_one_sentence(
     assert told in said
 
 
-def test_no_word_gives_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_empty_command_line_prints_the_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(sys, "argv", ["missing-physics"])
     with pytest.raises(SystemExit) as end:
         cli.main()
@@ -140,7 +142,7 @@ def test_no_word_gives_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
 
 
 @pytest.mark.parametrize(("stop", "code"), [(KeyboardInterrupt(), 130), (typer.Exit(3), 3)])
-def test_an_interrupt_and_an_early_end_have_codes(
+def test_interrupt_and_closed_pipe_have_exit_codes(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stop: BaseException, code: int
 ) -> None:
     app = typer.Typer()
