@@ -146,7 +146,7 @@ def test_failing_diagnosis_ends_the_demo_and_keeps_the_earlier_result(
     assert all((tmp_path / name).read_bytes() == b"old" for name in earlier)
 
 
-def test_demo_case_without_a_seed_is_random() -> None:
+def test_demo_draws_a_random_seed_by_default() -> None:
     assert len({module.secrets.randbits(module.SEED_BITS) for _ in range(5)}) == 5
 
 

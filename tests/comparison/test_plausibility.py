@@ -15,7 +15,7 @@ SPACE = load_robot("six_joint_space_arm")
 WEIGHTLESS = ARM.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
 
 
-def test_every_row_is_of_the_catalogue_with_its_unit_and_narrower_than_it() -> None:
+def test_plausible_ranges_are_within_the_catalogue_and_have_its_units() -> None:
     for row in TABLE:
         parameter = get_effect(row.effect).parameter(row.parameter)
         assert parameter.unit == row.unit
@@ -45,14 +45,16 @@ def test_every_row_is_of_the_catalogue_with_its_unit_and_narrower_than_it() -> N
         ("coulomb_friction", "joint1", {"torque": 1e3}, True),
     ],
 )
-def test_what_can_be(effect: str, place: str, values: dict[str, float], credible: bool) -> None:
+def test_plausible_and_implausible_values_are_distinguished(
+    effect: str, place: str, values: dict[str, float], credible: bool
+) -> None:
     why = implausible(effect, place, values, ARM)
     assert (why == "") is credible
     assert credible or why.startswith(NOT_CREDIBLE)
 
 
 @pytest.mark.parametrize("robot", [SPACE, WEIGHTLESS])
-def test_gravity_may_be_any_where_a_robot_floats_or_its_file_has_none(robot) -> None:  # type: ignore[no-untyped-def]
+def test_any_gravity_is_plausible_for_floating_robots_or_without_gravity_in_the_file(robot) -> None:  # type: ignore[no-untyped-def]
     assert implausible("gravity", "base", {"x": 0.0, "y": 0.0, "z": -9.81}, robot) == ""
 
 
@@ -61,7 +63,7 @@ def test_no_actuator_is_limited_far_below_the_torque_that_was_needed() -> None:
     assert not implausible("torque_saturation", "joint1", {"limit": 1.1}, ARM, needed=1.2)
 
 
-def test_numbers_are_stated_as_the_written_file_has_them() -> None:
+def test_stated_parameters_equal_those_of_the_written_file() -> None:
     link = ARM.links[-1]
     told = [
         ParameterChange(f"{link.name}.mass", "kg", link.mass, link.mass, (-1.0, 50.0)),
@@ -88,13 +90,13 @@ def test_numbers_are_stated_as_the_written_file_has_them() -> None:
         ("joint1.coulomb", 1.0, 9.0, True),  # friction may be anything
     ],
 )
-def test_bodies_may_be_off_by_what_drawings_leave_out(
+def test_body_errors_of_typical_drawings_are_plausible(
     name: str, nominal: float, estimate: float, expected: bool
 ) -> None:
     robot = load_robot("flexible_space_robot")
     assert is_credible_number(name, estimate, nominal, robot) == expected
 
 
-def test_a_gyro_has_a_credible_scale_on_every_axis() -> None:
+def test_gyro_scale_is_plausible_on_every_axis() -> None:
     rows = [credible_range("sensor_gain", "gain_error", f"base.angular_velocity.{axis}") for axis in "xyz"]
     assert all(row is not None and row.high == 0.05 for row in rows)

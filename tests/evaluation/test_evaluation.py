@@ -171,7 +171,7 @@ def test_torque_is_computed_from_a_current_or_a_voltage() -> None:
         assert left["joint1.torque"] < 1e-3 * np.sqrt(np.mean(made["joint1.torque"] ** 2))
 
 
-def test_torque_of_a_motor_with_its_own_encoder_accelerates_its_rotor() -> None:
+def test_rotor_accelerates_as_measured_by_the_motor_encoder() -> None:
     robot = shortened("two_link_arm")
     rotors = tuple(
         joint.model_copy(

@@ -76,7 +76,7 @@ def test_linear_parameters_scale_the_first_column_only(data: TorqueData, terms: 
 
 
 @pytest.mark.parametrize("gain", [0.13, -0.1])
-def test_torque_gain_acts_on_the_torque_including_its_compensation(data: TorqueData, gain: float) -> None:
+def test_torque_gain_is_relative_to_the_commanded_torque(data: TorqueData, gain: float) -> None:
     """The motion needs (1 + gain) u, so that u lacks gain / (1 + gain) of it."""
     run = data.runs[0]
     term = Term.of(get_effect("torque_gain"), "joint", {"gain_error": gain})
@@ -86,7 +86,7 @@ def test_torque_gain_acts_on_the_torque_including_its_compensation(data: TorqueD
     assert found[:, 1] == pytest.approx(-needed / (1.0 + gain) ** 2, rel=1e-5, abs=1e-9)
 
 
-def test_gear_efficiency_acts_on_the_torque_including_its_compensation(data: TorqueData) -> None:
+def test_gear_share_of_friction_is_relative_to_the_torque_that_overcomes_it(data: TorqueData) -> None:
     """u = needed + share |u| sgn(v): more than the share of what is needed if driving, less if braking."""
     run, share = data.runs[0], 0.3
     term = Term.of(get_effect("load_dependent_friction"), "joint", {"coefficient": 0.0, "gear_share": share})

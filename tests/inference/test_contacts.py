@@ -123,7 +123,7 @@ def test_wall_position_is_the_position_of_first_contact() -> None:
 
 
 @pytest.mark.parametrize(("shares", "once"), [([0.2, 0.3, 0.5], False), ([0.1, 0.3, 0.6], True)])
-def test_contact_in_one_fold_only_is_estimated_from_that_fold(shares: list[float], once: bool) -> None:
+def test_parameters_determined_by_one_fold_only_are_detected(shares: list[float], once: bool) -> None:
     information = np.array(shares)[:, None] * np.array([1.0, 1e6])
     assert of_one_fold(information).any() == once
 

@@ -206,7 +206,7 @@ def test_effective_sample_size_of_a_first_order_process_is_correct(arm: Robot) -
     assert np.mean(found) == pytest.approx((1.0 - r) / (1.0 + r), rel=0.25)
 
 
-def test_file_parameters_are_estimated_together_with_an_event(arm: Robot) -> None:
+def test_file_parameters_are_those_of_the_fit_including_the_event(arm: Robot) -> None:
     """A file holds no push that happened once; its friction is not what makes up for one either."""
     data = data_of(arm, push(9.0), unseen=nothing)
     found = search(data)
@@ -217,7 +217,7 @@ def test_file_parameters_are_estimated_together_with_an_event(arm: Robot) -> Non
     assert file.parameter("joint.coulomb") == pytest.approx(COULOMB, abs=0.01)
 
 
-def test_rotor_inertia_missing_in_the_file_is_free_of_penalty(arm: Robot) -> None:
+def test_rotor_inertia_missing_in_the_file_is_not_penalised(arm: Robot) -> None:
     data = data_of(arm, nothing)
     free = fitted(data, Hypothesis())
     held = fitted(data, Hypothesis().taking_from_file("joint.reflected_inertia"))

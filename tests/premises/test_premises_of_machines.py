@@ -80,7 +80,7 @@ def test_torque_computed_by_the_firmware_is_found() -> None:
     assert "computed_torque" in doubts(found.robot, recording)
 
 
-def test_source_named_as_a_command_is_reported() -> None:
+def test_commanded_torque_in_a_map_is_reported() -> None:
     folder = find_dataset("dfki_double_pendulum")
     if folder is None:
         pytest.skip("the recordings of dfki_double_pendulum are not here; set MISSING_PHYSICS_DATA")

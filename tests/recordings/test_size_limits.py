@@ -119,7 +119,7 @@ BOMBS: dict[str, tuple[str, Callable[[Path], None]]] = {
 
 
 @pytest.mark.parametrize("kind", BOMBS)
-def test_what_a_file_declares_is_held_against_the_limit(tmp_path: Path, kind: str) -> None:
+def test_declared_sizes_are_checked_against_the_limit(tmp_path: Path, kind: str) -> None:
     name, make = BOMBS[kind]
     make(tmp_path / name)
     with pytest.raises(InputError) as refused:
@@ -131,7 +131,7 @@ def test_what_a_file_declares_is_held_against_the_limit(tmp_path: Path, kind: st
 
 
 @pytest.mark.parametrize("kind", ["Parquet", "NPZ", "MAT 5", "MAT 7.3", "CSV"])
-def test_the_limit_is_what_the_numbers_take(tmp_path: Path, kind: str) -> None:
+def test_size_limit_counts_the_memory_of_the_numbers(tmp_path: Path, kind: str) -> None:
     name, make = BOMBS[kind]
     make(tmp_path / name)
     slack = 1.1  # chunks of HDF5 are rounded up
@@ -141,7 +141,7 @@ def test_the_limit_is_what_the_numbers_take(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.parquet", "a.npz", "a.mat"])
-def test_columns_that_are_not_read_take_nothing(tmp_path: Path, name: str) -> None:
+def test_unread_columns_do_not_count(tmp_path: Path, name: str) -> None:
     wide = {f"other{k}": ZEROS for k in range(9)} | {"time": TIME}
     path = tmp_path / name
     if name == "a.mat":
@@ -221,7 +221,7 @@ def mat73_of_another_file(path: Path) -> None:
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
-def test_what_is_not_there_is_not_made_room_for(
+def test_declared_but_absent_data_are_not_allocated(
     tmp_path: Path, name: str, make: Callable[[Path], None], said: str
 ) -> None:
     make(tmp_path / name)
@@ -263,7 +263,7 @@ def test_the_commands_take_a_limit_in_gigabytes(
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
-def test_a_limit_that_is_none(tmp_path: Path, limit: float) -> None:
+def test_invalid_size_limit_is_rejected(tmp_path: Path, limit: float) -> None:
     np.savez(tmp_path / "a.npz", time=TIME)
     with pytest.raises(InputError, match="give more than 0"):
         load_recording(tmp_path / "a.npz", size_limit=limit)
@@ -279,7 +279,7 @@ def test_a_limit_that_is_none(tmp_path: Path, limit: float) -> None:
     ],
     ids=lambda error: type(error).__name__,
 )
-def test_too_little_memory_is_no_damage(tmp_path: Path, error: Exception) -> None:
+def test_lack_of_memory_is_not_reported_as_damage(tmp_path: Path, error: Exception) -> None:
     source = Source(tmp_path / "a.npz", "a.npz", ".npz", Budget())
     with pytest.raises(OutOfMemoryError) as told, reading(source, "NPZ"):
         raise error

@@ -79,7 +79,7 @@ def test_probability_is_never_printed_as_certain(probability: float, text: str) 
     assert probability_text(probability) == text
 
 
-def test_words_for_fractions_and_counts() -> None:
+def test_percentages_p_values_and_lists_are_formatted() -> None:
     assert percent(0.833) == "83 %"
     assert percent(-0.03) == "-3.0 %"
     assert percent(-2e-4) == "0 %"  # as nothing is written, whatever its sign

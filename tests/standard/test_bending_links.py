@@ -166,7 +166,7 @@ def test_standard_model_of_a_changed_beam_predicts_up_to_noise() -> None:
     assert beam.tip.mass == pytest.approx(tip, rel=1e-9)
 
 
-def test_vibration_excited_by_encoder_noise_equals_the_nominal_residual() -> None:
+def test_vibration_due_to_encoder_noise_explains_the_residual_of_the_exact_file() -> None:
     """With encoders that are ten times as noisy, the exact file's residual is mostly what they shake."""
     level, generator = 2e-5, np.random.default_rng(9)
     sensors = tuple(

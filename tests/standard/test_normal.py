@@ -20,7 +20,7 @@ def normal(rows: slice) -> Normal:
     return Normal.of(active, columns, TORQUE[rows], np.full(2, 40.0), 5)
 
 
-def test_parameters_of_a_joint_do_not_depend_on_the_recording() -> None:
+def test_parameters_act_on_a_joint_if_they_do_in_any_recording() -> None:
     first, second = DESIGN.copy(), DESIGN.copy()
     first[:, 0, 0], second[:, 0, 1] = 0.0, 0.0
     assert [own.tolist() for own in acting([first, second])] == [[0, 1, 4], [2, 3]]

@@ -59,7 +59,9 @@ def test_error_of_the_standard_model_on_another_run_equals_the_noise(fitted: Sta
         assert errors.standard < 0.1 * errors.nominal
 
 
-def test_nominal_error_equals_that_of_the_robot_file(fitted: StandardModel, run: Recording) -> None:
+def test_file_of_the_standard_model_reproduces_its_stated_error(
+    fitted: StandardModel, run: Recording
+) -> None:
     """The error of the written file, evaluated as a nominal robot, is the error stated of the fit."""
     stated = fitted.errors([run])
     written = replace(fitted, nominal=fitted.robot).errors([run])
@@ -126,7 +128,7 @@ def test_trembling_joint_is_not_fitted(run: Recording) -> None:
     assert errors.estimate.value("joint2.viscous") == (0.0, 0.0)
 
 
-def test_gravity_is_kept_for_a_robot_with_a_passive_joint() -> None:
+def test_masses_of_the_file_are_kept_for_a_robot_with_a_passive_joint() -> None:
     """Without torque every equation is fitted by a robot without mass; the file's masses have to stand."""
     joints = tuple(j if j.name == "joint1" else j.model_copy(update={"actuator": None}) for j in ARM.joints)
     passive = ARM.model_copy(update={"joints": joints})

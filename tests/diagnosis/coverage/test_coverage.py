@@ -287,7 +287,7 @@ def test_encoder_flickering_between_steps_counts_as_rest() -> None:
     assert kinds(judged(made.with_channels({"joint2.position": rests}))) == {"joint2": "no_motion"}
 
 
-def test_reversals_are_excluded_over_the_length_of_the_smoother() -> None:
+def test_reversals_exclude_few_samples_of_a_small_motion() -> None:
     """Less than a tenth of the samples of a motion that reverses every 1.7 s."""
     swing = hardly(0.05 * np.sin(2 * np.pi * 0.3 * TIME), step=1e-6, torque_noise=1e-4)
     drift = hardly(0.05 * TIME, step=1e-6, torque_noise=1e-4)

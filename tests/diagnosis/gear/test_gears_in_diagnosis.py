@@ -162,7 +162,7 @@ def test_encoder_errors_are_written_to_the_augmented_robot() -> None:
     ("probability", "rivals", "verdict"),
     [(0.99, (), "explained"), (0.6, (), "explained"), (0.93, ("joint_elasticity@joint1",), "ambiguous")],
 )
-def test_ambiguity_of_gear_findings_follows_the_rule_of_torques(
+def test_only_listed_rivals_make_a_gear_finding_ambiguous(
     probability: float, rivals: tuple[str, ...], verdict: str
 ) -> None:
     """Only a rival that is listed makes it so."""
