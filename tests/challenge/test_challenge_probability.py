@@ -40,7 +40,7 @@ def test_a_wrong_answer() -> None:
     assert score.candidates == 2
 
 
-def test_each_candidate_counts_by_itself() -> None:
+def test_both_scores_are_sums_over_candidates() -> None:
     score = probability_score({A: 0.8, B: 0.3}, [A])
     assert score.log == pytest.approx(log(0.8) + log(0.7))
     assert score.brier == pytest.approx(0.2**2 + 0.3**2)
@@ -84,7 +84,7 @@ def test_a_finding_counts_before_a_rival_of_the_same_name() -> None:
     assert stated == {"stribeck_friction@joint1": 0.6, "viscous_friction@joint1": 0.2}
 
 
-def test_a_rival_that_may_stand_for_a_wrong_number_of_the_file_is_left_out() -> None:
+def test_rival_that_may_correct_the_file_is_excluded() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     errors = {"file_errors": {"carriage.mass": 0.05}}
     wrong = case.model_copy(update={"conditions": case.conditions.model_copy(update=errors)})

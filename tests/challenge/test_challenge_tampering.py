@@ -90,7 +90,7 @@ AFTERWARDS: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("kind", AFTERWARDS)
-def test_what_is_changed_after_opening_is_named(tmp_path: Path, steps: Steps, kind: str) -> None:
+def test_change_after_opening_is_detected(tmp_path: Path, steps: Steps, kind: str) -> None:
     started(tmp_path)
     spoil, words = AFTERWARDS[kind]
     spoil(tmp_path)
@@ -99,7 +99,7 @@ def test_what_is_changed_after_opening_is_named(tmp_path: Path, steps: Steps, ki
 
 
 @pytest.mark.parametrize("kind", ["truth", "case", "another sealed file", "seal missing"])
-def test_nothing_changed_is_shown(tmp_path: Path, steps: Steps, kind: str) -> None:
+def test_changed_challenge_is_not_shown(tmp_path: Path, steps: Steps, kind: str) -> None:
     started(tmp_path)
     spoil, words = AFTERWARDS[kind]
     spoil(tmp_path)
@@ -107,7 +107,7 @@ def test_nothing_changed_is_shown(tmp_path: Path, steps: Steps, kind: str) -> No
         show(tmp_path, NUMBERS[0])
 
 
-def test_a_missing_seal_is_not_made_again_once_there_are_answers(tmp_path: Path, steps: Steps) -> None:
+def test_missing_seal_is_not_replaced_once_there_are_answers(tmp_path: Path, steps: Steps) -> None:
     steps.interrupt_at = 6
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -116,7 +116,7 @@ def test_a_missing_seal_is_not_made_again_once_there_are_answers(tmp_path: Path,
         started(tmp_path)
 
 
-def test_answers_announced_before_opening_hold(
+def test_recorded_answer_fingerprints_are_enforced(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Interrupted between the answers' fingerprints and the opening; then somebody improves an answer."""
@@ -146,7 +146,7 @@ FILES = (
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_json_of_another_kind_is_one_sentence(tmp_path: Path, steps: Steps, file: str) -> None:
+def test_invalid_json_records_give_one_sentence(tmp_path: Path, steps: Steps, file: str) -> None:
     started(tmp_path)
     path = sorted(tmp_path.glob(file))[0]
     for content in ("{}", "[]", "3", "null", '{"files": 3}', '{"status": []', "\xff"):
@@ -157,7 +157,7 @@ def test_json_of_another_kind_is_one_sentence(tmp_path: Path, steps: Steps, file
 
 
 @pytest.mark.parametrize("content", ["{}", "[]", "3"])
-def test_a_score_of_another_kind_is_reported(tmp_path: Path, steps: Steps, content: str) -> None:
+def test_invalid_score_is_reported(tmp_path: Path, steps: Steps, content: str) -> None:
     """Even where its fingerprint was put right."""
     started(tmp_path)
     path = sorted((tmp_path / "scores").iterdir())[0]
@@ -175,7 +175,7 @@ def test_a_score_of_another_kind_is_reported(tmp_path: Path, steps: Steps, conte
         *(pytest.param(name, marks=pytest.mark.proof) for name in ("robot.toml", "validation.csv")),
     ],
 )
-def test_a_case_that_the_truth_does_not_make_is_reported(file: str) -> None:
+def test_case_inconsistent_with_the_truth_is_reported(file: str) -> None:
     case = made(design())
     files = case.files()
     _same_files(case, files)
@@ -218,7 +218,7 @@ class Failing(Steps):
 
 
 @pytest.mark.parametrize("at", [2, 6, 10])
-def test_a_process_on_a_full_disk_stops_the_run_and_is_tried_again(
+def test_full_disk_stops_the_run_and_the_step_is_repeated_later(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch, at: int
 ) -> None:
     full = Failing()
@@ -233,7 +233,7 @@ def test_a_process_on_a_full_disk_stops_the_run_and_is_tried_again(
 
 
 @pytest.mark.parametrize("step", ["conceal", "diagnose", "score"])
-def test_a_program_that_changes_while_it_runs_is_named(
+def test_program_change_during_a_run_is_detected(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     """What it made meanwhile is not kept; with the old program the run goes on."""
@@ -250,7 +250,7 @@ def test_a_program_that_changes_while_it_runs_is_named(
     assert len(started(tmp_path).scores) == len(NUMBERS)
 
 
-def test_a_program_that_changes_before_the_opening_is_named(
+def test_program_change_before_the_opening_is_detected(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     steps.interrupt_at = 2 * len(NUMBERS)
@@ -265,7 +265,7 @@ def test_a_program_that_changes_before_the_opening_is_named(
     assert not (tmp_path / "opened.json").exists()
 
 
-def test_the_program_is_all_that_computes() -> None:
+def test_program_fingerprint_covers_all_computing_sources() -> None:
     names = set(sources())
     assert {
         "reference_model/steppers/march.c",
@@ -276,7 +276,7 @@ def test_the_program_is_all_that_computes() -> None:
     assert differing({"a": "1", "b": "2"}, {"a": "1", "b": "3", "c": "4"}) == ["b", "c"]
 
 
-def test_isolation_is_what_the_processes_said(
+def test_reported_isolation_is_that_of_the_processes(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not what this machine could do: on a cluster every worker has its own."""
@@ -292,7 +292,7 @@ def test_isolation_is_what_the_processes_said(
     assert told == "3 cases: namespaces; 1 cases: nothing"
 
 
-def test_a_refusal_to_score_is_a_sentence_and_a_fault_is_not(
+def test_rejected_scoring_input_gives_a_sentence_and_a_fault_a_traceback(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kinds: dict[Any, type[Exception]] = {"refused": InputError, "failed": RuntimeError}
@@ -308,7 +308,7 @@ def test_a_refusal_to_score_is_a_sentence_and_a_fault_is_not(
             started(tmp_path / status)
 
 
-def test_the_disk_holds_a_folder_before_it_is_in_place(
+def test_folder_is_complete_on_disk_before_it_is_renamed(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A disk that refuses at the last moment, when it is asked to have written."""
