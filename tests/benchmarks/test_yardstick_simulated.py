@@ -138,7 +138,7 @@ def test_a_diagnosis_gets_the_case_and_is_kept_from_the_folder(tmp_path: Path, s
 
 
 @pytest.mark.parametrize("at", range(4))
-def test_interrupted_challenge_is_resumed(tmp_path: Path, steps: Steps, at: int) -> None:
+def test_an_interrupted_run_goes_on(tmp_path: Path, steps: Steps, at: int) -> None:
     steps.stop_at = at
     assert run(tmp_path) == 130
     assert run(tmp_path) == 0
