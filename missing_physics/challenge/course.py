@@ -160,8 +160,8 @@ class _Challenge:
             answers = [self.store.path("answers", name) for name in self.names]
             if any(path.exists() for path in (*answers, self.store.path("answers.json"))):
                 raise InputError(
-                    f"{self.store.path('seal.json')} is missing, though there are answers, so that nobody "
-                    "can tell what was sealed before them; begin a new challenge with another --out."
+                    f"{self.store.path('seal.json')} is missing, though there are answers, so that "
+                    "one cannot prove what was sealed before them; begin a new challenge with another --out."
                 )
             known = Sealed(cases_sha256=cases_fingerprint(self.store, self.names))
         check_cases(self.store, self.names, known)
@@ -215,8 +215,8 @@ class _Challenge:
         if before is not None and before.answers != answers:  # an earlier run reached this point
             names = sorted(n for n in {*answers, *before.answers} if answers.get(n) != before.answers.get(n))
             raise InputError(
-                f"{self.store.path('answers', names[0])} is not what {self.store.path('answers.json')} "
-                "tells of it; begin a new challenge with another --out."
+                f"{self.store.path('answers', names[0])} does not match its fingerprint in "
+                f"{self.store.path('answers.json')}; begin a new challenge with another --out."
             )
         self.store.write({"answers": answers}, "answers.json")
         total = digest(self.store.path("answers.json").read_bytes())

@@ -61,23 +61,23 @@ class Clock:
             if not good.any():
                 raise InputError(f"{name}: {channel} holds no number.")
         own = {channel: period for channel, good in given.items() if (period := sample_time_of(time, good))}
-        there = {c: _covered(time, good, own[c]) if c in own else good for c, good in given.items()}
+        present = {c: _covered(time, good, own[c]) if c in own else good for c, good in given.items()}
         fastest = max(given.values(), key=np.count_nonzero)
-        held = time[np.all([*there.values(), fastest], axis=0)]
+        held = time[np.all([*present.values(), fastest], axis=0)]
         if held.size < FEWEST_SAMPLES:
             raise InputError(
                 f"{name} has {held.size} sample{'' if held.size == 1 else 's'}"
-                f"{missing_words(there)}; a diagnosis needs at least {FEWEST_SAMPLES}."
+                f"{missing_words(present)}; a diagnosis needs at least {FEWEST_SAMPLES}."
             )
         used = held[longest_stretch(held)]
         if used.size < FEWEST_SAMPLES:
             raise InputError(
-                f"{name} is cut by gaps into parts of at most {used.size} samples{missing_words(there)}; "
+                f"{name} is cut by gaps into parts of at most {used.size} samples{missing_words(present)}; "
                 f"a diagnosis needs {FEWEST_SAMPLES} in a row."
             )
         count = round((used[-1] - used[0]) / float(np.median(np.diff(held)))) + 1
         grid = np.asarray(np.linspace(used[0], used[-1], count))
-        return cls(recording, grid, own, stretch_words(time, there, used))
+        return cls(recording, grid, own, stretch_words(time, present, used))
 
     @property
     def rate(self) -> float:

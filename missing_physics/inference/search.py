@@ -192,9 +192,9 @@ def _extensions(state: Search[Any], old: Fit, progress: Progress | None) -> list
 def _local_key(candidate: Candidate, old: Fit) -> tuple[object, ...]:
     """Key of a candidate and the terms at its joint in a fit; joints hardly interact."""
     term = candidate.term
-    beside = (own for own in old.hypothesis.terms if own.joint == term.joint)
-    there = sorted((*own.key, own.along, *sorted(own.freed), *own.added) for own in beside)
-    return (*term.key, term.run, term.along, *term.added, *there)
+    neighbours = (own for own in old.hypothesis.terms if own.joint == term.joint)
+    neighbour_keys = sorted((*own.key, own.along, *sorted(own.freed), *own.added) for own in neighbours)
+    return (*term.key, term.run, term.along, *term.added, *neighbour_keys)
 
 
 def _promising(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:

@@ -37,8 +37,8 @@ def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
         return
     # The same rows under every hypothesis: each axis is compared with its absence.
     odds = []
-    for axis, sign, there in weighed:
-        scales = list(there.values())
+    for axis, sign, by_joint in weighed:
+        scales = list(by_joint.values())
         none = np.logaddexp(
             math.log(NONE) + log_absence(scales), math.log(SOMETHING) + log_absence(scales, 1.0)
         )
@@ -48,8 +48,8 @@ def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
     probability = float(np.exp(odds[best] - np.logaddexp.reduce([0.0, *odds])))
     if probability <= REPORTED:
         return
-    axis, sign, there = weighed[best]
-    shares = {k: 1.0 - scale.left / scale.without for k, scale in there.items() if scale.without > 0.0}
+    axis, sign, by_joint = weighed[best]
+    shares = {k: 1.0 - scale.left / scale.without for k, scale in by_joint.items() if scale.without > 0.0}
     clearest = max(shares, key=lambda k: shares[k])
     channel, share = carried.channels[clearest], percent(shares[clearest])
     gravity = [0.0, 0.0, 0.0]

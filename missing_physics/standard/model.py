@@ -184,16 +184,16 @@ def _iterated(
     for _ in range(BENDING_ROUNDS):
         step, before = found.values[:count] - place[:count], _misfit(found, place, rows)
         for _ in range(HALVINGS):
-            there = place.copy()
-            there[:count] += step
-            moved = taken(there)
-            after = _misfit(found, there, moved)
+            candidate = place.copy()
+            candidate[:count] += step
+            moved = taken(candidate)
+            after = _misfit(found, candidate, moved)
             if after < before:
                 break
             step = 0.5 * step
         else:
             return found
-        place, rows = there, moved
+        place, rows = candidate, moved
         found = estimate(model, nominal, rows)
         if before - after < AGREED:
             break

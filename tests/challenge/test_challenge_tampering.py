@@ -131,7 +131,7 @@ def test_recorded_answer_fingerprints_are_enforced(
     before = (tmp_path / "answers.json").read_bytes()
     rewritten_answer(tmp_path)
     (tmp_path / "answers.json").write_bytes(before)
-    with pytest.raises(InputError, match=r"answers/\w+ is not what .*answers\.json tells"):
+    with pytest.raises(InputError, match=r"answers/\w+ does not match its fingerprint in .*answers\.json"):
         started(tmp_path)
 
 

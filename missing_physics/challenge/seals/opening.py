@@ -45,14 +45,14 @@ def opened_by(store: Store) -> Opened:
     opened = store.expected(Opened, "opened.json")
     sealed = store.expected(Sealed, "seal.json")
     if opened.sealed != f"{len(sealed.sealed)}.bin":
-        raise _changed(store.path("opened.json"), "it does not tell of the last sealed file")
+        raise _changed(store.path("opened.json"), "it does not name the last sealed file")
     fingerprints = {f"{number}.bin": found for number, found in enumerate(sealed.sealed, start=1)}
     content = store.files("sealed", ".", fingerprints)[opened.sealed]
     path = store.path("sealed", opened.sealed)
     try:
         key = bytes.fromhex(opened.key)
     except ValueError:
-        raise _changed(store.path("opened.json"), "its key is none") from None
+        raise _changed(store.path("opened.json"), "its key is invalid") from None
     truth = digest(unseal(content, key, what=str(path)))
     if truth != store.expected(Promise, "challenge.json").truth_sha256:
         raise InputError(f"{path} does not hold the truth that was promised.")
@@ -68,5 +68,5 @@ def checked_answers(store: Store, made: Iterable[str], opened: Opened) -> dict[s
     if digest(path.read_bytes()) != opened.answers_sha256:
         raise _changed(path, "its fingerprint is not the one that was written when the seal was opened")
     if set(promised) != set(made):
-        raise _changed(path, "it does not tell of the cases that were made")
+        raise _changed(path, "it does not list the generated cases")
     return promised

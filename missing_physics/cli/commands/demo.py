@@ -123,7 +123,7 @@ class _Demo:
         self.made |= outcome.files
         answer: dict[str, Any] = json.loads(outcome.files["diagnosis.json"])
         self._say("The diagnosis says: ", (answer["verdict"].upper(), "bold"))
-        for line in said(answer):
+        for line in answer_lines(answer):
             self.console.print(f"          {line}", soft_wrap=True)
         fingerprint = digest(outcome.files["diagnosis.json"])
         self.console.print(f"          SHA-256 of the answer  {fingerprint}", soft_wrap=True)
@@ -142,7 +142,7 @@ class _Demo:
         reveal(truth.designs[0].hidden[0], answer["findings"], self.console)
 
 
-def said(answer: Mapping[str, Any]) -> list[str]:
+def answer_lines(answer: Mapping[str, Any]) -> list[str]:
     """A line for each named effect with its probability; or the places of unnamed forces."""
     lines = [
         f"{f['effect']} at {f['location']}, probability {f['probability']:.3g}"

@@ -71,9 +71,9 @@ class Changed:
             base.angular_acceleration[some],
             base.linear_acceleration[some],
         )
-        there = {body.name for body in rates.dynamics.model.tree.bodies}
+        measured = {body.name for body in rates.dynamics.model.tree.bodies}
         bodies = [body for body in model.tree.bodies if body.flexible is not None]
-        known = [body.modal + k for body in bodies if body.name in there for k in range(body.modes)]
+        known = [body.modal + k for body in bodies if body.name in measured for k in range(body.modes)]
         self._known = np.array(known, dtype=int)
         self._new = np.setdiff1d(np.arange(model.tree.modal), self._known)
         modes = np.zeros((3, len(self._joints[0]), model.tree.modal))

@@ -74,7 +74,7 @@ def evidence(
     """
     own, validation = dynamics[:fitted], dynamics[fitted:]
     moves = [_moves(one, along.motion) for one, along in zip(recordings, dynamics)]
-    sure = [_sure(along.motion) & there for along, there in zip(dynamics, moves)]
+    sure = [_sure(along.motion) & in_motion for along, in_motion in zip(dynamics, moves)]
     held = [np.zeros(len(rows), dtype=bool) for rows in sure[:fitted]]
     if not validation:
         held = [_held_out(along.motion) for along in own]
@@ -86,7 +86,7 @@ def evidence(
         found.append(
             JointEvidence(
                 name=joint.name,
-                moves=any(there[k] for there in moves[:fitted]),
+                moves=any(in_motion[k] for in_motion in moves[:fitted]),
                 both_ways=len(set().union(*(_directions(along.motion, k) for along in own))) > 1,
                 rows_fitted=sum(int(np.count_nonzero(~out)) for out in held[:fitted]),
                 sure_fitted=sum(int(rows[~out, k].sum()) for rows, out in zip(sure[:fitted], held)),

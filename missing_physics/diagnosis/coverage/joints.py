@@ -125,7 +125,7 @@ def require_same_torques(
     for index, joint in enumerate(robot.moving_joints):
         known = [bool(np.isfinite(along.motion.torque[:, index]).all()) for along in dynamics]
         if any(known) and not all(known):
-            lacks, has = (recordings[known.index(there)].source for there in (False, True))
+            lacks, has = (recordings[known.index(recorded)].source for recorded in (False, True))
             raise InputError(
                 f"{lacks or 'a recording'} has no torque of {joint.name}, nor current or voltage that give "
                 f"it, but {has or 'another one'} has; add the channel there, or leave the recording out."

@@ -55,13 +55,13 @@ def written_with(file: Robot, robot: Robot, uses: Sequence[EffectUse]) -> tuple[
         robot: the nominal robot, which lists the sensors.
         uses: the findings as effects.
     """
-    there = {(use.effect, use.at) for use in file.effects}
+    in_file = {(use.effect, use.at) for use in file.effects}
     lacks = [
         use
         for use in uses
         if isinstance(get_effect(use.effect), SensorEffect) and robot.sensor(use.at) is None
     ]
-    new = [use for use in uses if use not in lacks and (use.effect, use.at) not in there]
+    new = [use for use in uses if use not in lacks and (use.effect, use.at) not in in_file]
     return file.with_effects(*new), tuple(
         f"{use.effect} at {use.at}: not in the augmented robot file: the robot file lists no sensor of that "
         "channel."

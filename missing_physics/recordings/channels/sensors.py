@@ -41,9 +41,9 @@ def with_sensors(robot: Robot, recording: Recording) -> Recording:
 
     To be called before its values are changed: code that changes them also updates noise and resolution.
     """
-    there = [sensor for sensor in robot.sensors if sensor.channel in recording]
-    noise = {sensor.channel: sensor.noise for sensor in there if sensor.noise > 0}
-    steps = {sensor.channel: sensor.resolution for sensor in there if sensor.resolution > 0}
+    recorded = [sensor for sensor in robot.sensors if sensor.channel in recording]
+    noise = {sensor.channel: sensor.noise for sensor in recorded if sensor.noise > 0}
+    steps = {sensor.channel: sensor.resolution for sensor in recorded if sensor.resolution > 0}
     return replace(
         recording, noise={**noise, **recording.noise}, resolution={**steps, **recording.resolution}
     )

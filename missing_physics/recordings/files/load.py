@@ -179,10 +179,10 @@ def own_mapping(path: str | os.PathLike[str]) -> Mapping | None:
     file = _part_of(path)[0]
     try:
         adjacent = file.with_name(f"{file.stem}.map.toml")
-        there = adjacent.is_file()
+        exists = adjacent.is_file()
     except (OSError, ValueError):  # a path without a name, or a name that the system does not accept
         return None
-    return load_mapping(adjacent) if there else None
+    return load_mapping(adjacent) if exists else None
 
 
 def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | None]:

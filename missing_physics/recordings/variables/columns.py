@@ -84,8 +84,8 @@ def _total(channel: ChannelSource, read: Sequence[Array]) -> Array:
 
 def _servo_voltage(servo: ServoVoltage, goal: Array, position: Array, *named: Array) -> Array:
     """Voltage from goal and position, shape (N,) [V]; `named` are gain and supply if the file has them."""
-    there = iter(named)
-    gain, supply = (next(there) if isinstance(own, str) else own for own in (servo.gain, servo.supply))
+    remaining = iter(named)
+    gain, supply = (next(remaining) if isinstance(own, str) else own for own in (servo.gain, servo.supply))
     return np.asarray(supply * np.clip(gain * (goal - position), -servo.limit, servo.limit))
 
 

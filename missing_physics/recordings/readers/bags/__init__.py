@@ -112,5 +112,7 @@ def _nothing(topics: list[list[object]]) -> str:
         )
     shown = ", ".join(f"{topic} ({kind})" for topic, kind, _ in topics[:_SHOWN])
     more = f" and {len(topics) - _SHOWN} more" if len(topics) > _SHOWN else ""
-    there = f"it has {shown}{more}" if topics else "it has no topics"
-    return f"has no messages of type sensor_msgs/JointState ({there}); record one, or export the data to CSV"
+    contents = f"it has {shown}{more}" if topics else "it has no topics"
+    return (
+        f"has no messages of type sensor_msgs/JointState ({contents}); record one, or export the data to CSV"
+    )

@@ -168,7 +168,7 @@ def _answer(topics: list[tuple[str, str, int]], groups: list[Group]) -> None:
     """Write the content, and send the requested datasets."""
     named = [dict(group.variables()) for group in groups]
     found = {f"{k}/{name}": values for k, group in enumerate(named) for name, values in group.items()}
-    said = [
+    described = [
         {
             "topic": group.topic,
             "joints": group.joints,
@@ -180,7 +180,7 @@ def _answer(topics: list[tuple[str, str, int]], groups: list[Group]) -> None:
     declared = [
         {"name": name, "shape": values.shape, "entry": _NUMBER, "chunk": 0} for name, values in found.items()
     ]
-    say({"topics": topics, "groups": said, "datasets": declared})
+    say({"topics": topics, "groups": described, "datasets": declared})
     for name in json.loads(sys.stdin.readline() or '{"names": []}')["names"]:
         send(np.ascontiguousarray(found[name]))
 
