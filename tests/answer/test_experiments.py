@@ -1,4 +1,4 @@
-"""Motions that would separate what a recording cannot."""
+"""Motions that distinguish explanations which a recording cannot."""
 
 from __future__ import annotations
 

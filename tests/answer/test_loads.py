@@ -1,4 +1,4 @@
-"""A load on a link, a link whose mass properties are wrong, and a robot file that is off as a whole."""
+"""A load on a link, a link with wrong mass properties, and a robot file with errors everywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What scripts and notebooks call does what the commands do."""
+"""The Python interface gives the same results as the commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torques along a motion: what is hidden explains, part by part, what the other engine recorded."""
+"""Torques along a motion: the hidden effects explain the torques recorded by the other engine."""
 
 from __future__ import annotations
 

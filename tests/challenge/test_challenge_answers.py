@@ -1,4 +1,4 @@
-"""Answers that cannot be used, and answers that take back what was tuned."""
+"""Unusable answers, and answers that correct tuned parameters."""
 
 from __future__ import annotations
 

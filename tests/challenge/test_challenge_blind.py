@@ -1,4 +1,4 @@
-"""What a diagnosing process can reach: its case, and nothing of the challenge."""
+"""The diagnosing process can access its case, and nothing of the challenge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conditions of a case: their shares, and that each does what it says."""
+"""Conditions of a case: their frequencies and their implementation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn: the same again from the number, valid in both engines, and nothing that tells."""
+"""Drawn cases: reproducible, valid in both engines, and without hints to the hidden effect."""
 
 from __future__ import annotations
 

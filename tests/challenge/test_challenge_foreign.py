@@ -1,4 +1,4 @@
-"""Physics outside the catalogue: closed forms, and that it acts where it should."""
+"""Physics outside the catalogue: closed forms and places."""
 
 from __future__ import annotations
 

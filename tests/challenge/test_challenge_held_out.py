@@ -1,4 +1,4 @@
-"""Held-out errors per joint, and what timing can take over."""
+"""Held-out errors per joint, and the part that timing explains."""
 
 from __future__ import annotations
 

@@ -49,21 +49,21 @@ def test_both_scores_are_sums_over_candidates() -> None:
 @pytest.mark.parametrize("truth", [0.1, 0.35, 0.8])
 def test_honest_probabilities_score_best(truth: float) -> None:
     """Both scores are proper: their expectation is best at the true probability."""
-    said = np.linspace(0.02, 0.98, 97)
+    message = np.linspace(0.02, 0.98, 97)
     for key, sign in (("log", 1), ("brier", -1)):
         yes, no = (
-            np.array([getattr(probability_score({A: p}, there), key) for p in said]) for there in ([A], [])
+            np.array([getattr(probability_score({A: p}, there), key) for p in message]) for there in ([A], [])
         )
         expected = sign * (truth * yes + (1 - truth) * no)
-        assert said[np.argmax(expected)] == pytest.approx(truth, abs=0.011)
+        assert message[np.argmax(expected)] == pytest.approx(truth, abs=0.011)
 
 
 def with_rivals(*rivals: tuple[str, str, float]) -> dict[str, object]:
-    said = answer("ambiguous", ("stribeck_friction", "joint1", 0.6))
-    said["findings"][0]["alternatives"] = [  # type: ignore[index]
+    message = answer("ambiguous", ("stribeck_friction", "joint1", 0.6))
+    message["findings"][0]["alternatives"] = [  # type: ignore[index]
         {"effect": effect, "location": at, "probability": p, "why_not": ""} for effect, at, p in rivals
     ]
-    return said
+    return message
 
 
 def test_rivals_of_a_finding_are_mentioned_with_their_probability() -> None:
@@ -79,8 +79,8 @@ def test_rivals_of_a_finding_are_mentioned_with_their_probability() -> None:
 
 def test_a_finding_counts_before_a_rival_of_the_same_name() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
-    said = with_rivals(("stribeck_friction", "joint1", 0.1), ("viscous_friction", "joint1", 0.2))
-    stated, _ = stated_and_true(case, made(case).given, said)
+    message = with_rivals(("stribeck_friction", "joint1", 0.1), ("viscous_friction", "joint1", 0.2))
+    stated, _ = stated_and_true(case, made(case).given, message)
     assert stated == {"stribeck_friction@joint1": 0.6, "viscous_friction@joint1": 0.2}
 
 
@@ -88,7 +88,7 @@ def test_rival_that_may_correct_the_file_is_excluded() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     errors = {"file_errors": {"carriage.mass": 0.05}}
     wrong = case.model_copy(update={"conditions": case.conditions.model_copy(update=errors)})
-    said = with_rivals(("payload", "carriage", 0.3), ("cable_spring", "joint1", 0.1))
+    message = with_rivals(("payload", "carriage", 0.3), ("cable_spring", "joint1", 0.1))
     for truth, mentioned in ((case, 3), (wrong, 2)):
-        stated, _ = stated_and_true(truth, made(truth).given, said)
+        stated, _ = stated_and_true(truth, made(truth).given, message)
         assert len(stated) == mentioned

@@ -1,4 +1,4 @@
-"""Processes of a challenge: they end with it, leave nothing, and reach nobody."""
+"""Processes of a challenge: they end with it, leave nothing behind, and have no network."""
 
 from __future__ import annotations
 

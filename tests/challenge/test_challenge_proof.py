@@ -1,4 +1,4 @@
-"""The whole chain with real processes, and on a dask cluster of which a worker is killed."""
+"""A complete challenge with real processes, and on a dask cluster of which a worker is killed."""
 
 from __future__ import annotations
 
@@ -247,9 +247,9 @@ def test_a_signal_leaves_neither_processes_nor_folders(tmp_path: Path, kind: sig
         time.sleep(0.02)
     time.sleep(0.3)
     command.send_signal(kind)
-    _, said = command.communicate(timeout=60)
+    _, message = command.communicate(timeout=60)
     assert command.returncode == 128 + kind
-    assert "the same command goes on from there" in said
+    assert "the same command goes on from there" in message
     assert list(room.iterdir()) == []
     assert not [path for path in Path("/proc").glob("[0-9]*/environ") if str(room).encode() in readable(path)]
 

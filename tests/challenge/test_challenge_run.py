@@ -1,4 +1,4 @@
-"""The course of a challenge: order, resumption, and every way of spoiling it."""
+"""The course of a challenge: order, resumption, and detection of tampering."""
 
 from __future__ import annotations
 
@@ -41,16 +41,18 @@ def started(folder: Path, **more: object) -> Report:
 
 
 def test_truth_is_sealed_before_the_diagnosis_and_opened_after_it(tmp_path: Path, steps: Steps) -> None:
-    said: list[tuple[str, int]] = []
+    message: list[tuple[str, int]] = []
     known = truth(*NUMBERS)
-    report = started(tmp_path, say=lambda words: said.append((words, len(steps_of(steps.done, "diagnose")))))
+    report = started(
+        tmp_path, say=lambda words: message.append((words, len(steps_of(steps.done, "diagnose"))))
+    )
     assert [score.number for score in report.scores] == sorted(NUMBERS)
     sealed = (tmp_path / "sealed" / "1.bin").read_bytes()
-    assert said[0] == (f"truth  SHA-256 {commitment(known)}", 0)
-    assert digest(sealed) in said[1][0]
-    assert said[1][1] == 0
-    assert said[2][0].startswith("answers SHA-256")
-    assert said[2][1] == len(NUMBERS)
+    assert message[0] == (f"truth  SHA-256 {commitment(known)}", 0)
+    assert digest(sealed) in message[1][0]
+    assert message[1][1] == 0
+    assert message[2][0].startswith("answers SHA-256")
+    assert message[2][1] == len(NUMBERS)
     opened = json.loads((tmp_path / "opened.json").read_text())
     assert digest(unseal(sealed, bytes.fromhex(opened["key"]), what="it")) == commitment(known)
     assert opened["truth"]["designs"][0]["number"] == NUMBERS[0]

@@ -1,4 +1,4 @@
-"""Counting: findings against the truth, causes of failure, shares, and the pages made of them."""
+"""Scores: findings against the truth, causes of failure, fractions, and the resulting pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The seal: opens with its key, and with nothing else."""
+"""The seal opens with its key only."""
 
 from __future__ import annotations
 

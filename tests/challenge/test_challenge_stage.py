@@ -1,4 +1,4 @@
-"""Steps of a challenge are processes: what becomes of those that die, refuse, break off or take too long."""
+"""Steps of a challenge are processes: those that die, are rejected, break off or take too long."""
 
 from __future__ import annotations
 

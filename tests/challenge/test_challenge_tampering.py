@@ -1,4 +1,4 @@
-"""Every way of spoiling an opened challenge, and of going on without what was promised, is told."""
+"""Tampering with an opened challenge, or resuming without sealed files, is detected."""
 
 from __future__ import annotations
 
@@ -295,7 +295,7 @@ def test_reported_isolation_is_that_of_the_processes(
 def test_rejected_scoring_input_gives_a_sentence_and_a_fault_a_traceback(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kinds: dict[Any, type[Exception]] = {"refused": InputError, "failed": RuntimeError}
+    kinds: dict[Any, type[Exception]] = {"error": InputError, "failed": RuntimeError}
     for status, kind in kinds.items():
 
         def spoiled(work: Work, cases: Any, status: Any = status) -> Iterator[tuple[str, Outcome]]:
@@ -313,11 +313,11 @@ def test_folder_is_complete_on_disk_before_it_is_renamed(
 ) -> None:
     """A disk that refuses at the last moment, when it is asked to have written."""
 
-    def refused(handle: int) -> None:
+    def error(handle: int) -> None:
         if os.readlink(f"/proc/self/fd/{handle}").endswith("/robot.toml"):
             raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(os, "fsync", refused)
+    monkeypatch.setattr(os, "fsync", error)
     with pytest.raises(InputError, match="Input/output error"):
         started(tmp_path)
     assert not list(tmp_path.rglob("robot.toml"))

@@ -1,4 +1,4 @@
-"""Nothing that the diagnosis sees proves that something is hidden."""
+"""Nothing that the diagnosis sees reveals that something is hidden."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots and effects beyond rigid arms and joints' torques: each is drawn, made, weighed and scored."""
+"""Robots and effects beyond rigid arms and joint torques: each is drawn, generated and scored."""
 
 from __future__ import annotations
 
@@ -146,8 +146,8 @@ def test_a_joint_that_warms_loses_friction() -> None:
     assert np.abs(part[:, 0]).max() > 3.0
     # The engines' friction passes through zero over the same 1e-4 rad/s, in other steps.
     assert np.sqrt(np.mean((missing - part) ** 2)) < 0.03 * np.sqrt(np.mean(part**2))
-    said = case.recordings[0]["joint1.temperature"]
-    assert np.abs(said - case.exact[0]["joint1.temperature"]).max() < 0.4
+    message = case.recordings[0]["joint1.temperature"]
+    assert np.abs(message - case.exact[0]["joint1.temperature"]).max() < 0.4
     assert distances(along, design.hidden)[f"{warming.EFFECT}@joint1"] > 0
 
 

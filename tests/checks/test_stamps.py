@@ -1,4 +1,4 @@
-"""Recordings whose samples are even and whose time stamps are not, and the other way round."""
+"""Even samples with uneven time stamps, and uneven samples with correct ones."""
 
 from __future__ import annotations
 

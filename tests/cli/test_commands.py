@@ -1,4 +1,4 @@
-"""The program knows its commands without loading them."""
+"""Commands are known without loading them."""
 
 from __future__ import annotations
 

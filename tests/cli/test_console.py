@@ -1,4 +1,4 @@
-"""What a command prints is what it was given: brackets, codes and control characters included."""
+"""Commands print text unchanged: brackets, codes and control characters included."""
 
 from __future__ import annotations
 
@@ -72,10 +72,10 @@ def test_text_in_brackets_is_printed(
     monkeypatch.setattr("sys.argv", ["missing-physics", "inspect", str(path)])
     with pytest.raises(SystemExit) as left:
         main()
-    said = capsys.readouterr()
+    message = capsys.readouterr()
     assert left.value.code == 2
-    assert "scale = 0.001 in [time]" in said.out
-    assert "scale = 0.001 in [time]" in said.err
+    assert "scale = 0.001 in [time]" in message.out
+    assert "scale = 0.001 in [time]" in message.err
 
 
 @pytest.mark.parametrize("path", sorted(COMMANDS.rglob("*.py")), ids=lambda path: path.stem)

@@ -1,4 +1,4 @@
-"""`missing-physics crosscheck`: what it writes, what it refuses beforehand, and how it tells of failures."""
+"""`missing-physics crosscheck`: output, rejected input, and failures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings with nothing in them, or with anything: a result or a sentence, and never a warning."""
+"""Degenerate recordings give a result or a sentence, and never a warning."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_degenerate_recordings_print_no_library_warnings(
         if not insist:
             assert ended == code, capsys.readouterr().err
             assert run("inspect", log, "--robot", robot) in (0, 2)
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert ended in (0, 2)
-    assert "Warning" not in said
-    assert "Traceback" not in said
+    assert "Warning" not in message
+    assert "Traceback" not in message

@@ -1,4 +1,4 @@
-"""The demo: a case that is sealed before it is diagnosed, and the reveal that hides no failure."""
+"""The demo: a case is sealed before it is diagnosed, and failures are shown."""
 
 from __future__ import annotations
 

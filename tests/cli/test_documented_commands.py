@@ -1,4 +1,4 @@
-"""Commands that the pages show are read by the command line as it is; none of them is run."""
+"""Documented commands are valid for the command line; none of them is run."""
 
 from __future__ import annotations
 

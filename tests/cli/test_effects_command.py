@@ -1,4 +1,4 @@
-"""An effect's page in the terminal, with its plot, and as a file of its own."""
+"""An effect's page in the terminal, with its plot, and as a file."""
 
 from __future__ import annotations
 
@@ -151,20 +151,20 @@ def test_effect_page_is_self_contained(effect_id: str, run: Run, tmp_path: Path)
 
 
 def test_pages_of_all_effects_go_into_a_folder(run: Run, tmp_path: Path) -> None:
-    code, said, _ = run("--out", str(tmp_path / "all"))
+    code, message, _ = run("--out", str(tmp_path / "all"))
     assert code == 0
     assert {path.stem for path in (tmp_path / "all").iterdir()} == set(catalogue())
-    assert len(said.split()) == len(catalogue())
+    assert len(message.split()) == len(catalogue())
     assert run("slosh", "--out", str(tmp_path))[1] == f"{tmp_path / 'slosh.html'}\n"
 
 
 def test_unwritable_page_is_rejected_with_one_sentence(run: Run, tmp_path: Path) -> None:
-    code, said, why = run("--out", str(tmp_path / "page.html"))
-    assert (code, said) == (UNUSABLE_INPUT, "")
+    code, message, why = run("--out", str(tmp_path / "page.html"))
+    assert (code, message) == (UNUSABLE_INPUT, "")
     assert "name its effect" in why
     (tmp_path / "file").write_text("mine")
-    code, said, why = run("slosh", "--out", str(tmp_path / "file"))
-    assert (code, said) == (UNUSABLE_INPUT, "")
+    code, message, why = run("slosh", "--out", str(tmp_path / "file"))
+    assert (code, message) == (UNUSABLE_INPUT, "")
     assert "cannot write" in why
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("file", "mine")]
 

@@ -1,4 +1,4 @@
-"""What the front door says when the input is unusable, and when the machine refuses."""
+"""Messages and exit codes for unusable input and for a full disk or memory."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ def test_errors_give_one_sentence_and_an_exit_code(
     code: int,
     words: str,
 ) -> None:
-    found, said = ended(monkeypatch, capsys, raising(error))
+    found, message = ended(monkeypatch, capsys, raising(error))
     assert found == code
-    assert said.startswith("missing-physics: ")
-    assert said.endswith(words)
-    assert said.count("\n") == 1
+    assert message.startswith("missing-physics: ")
+    assert message.endswith(words)
+    assert message.count("\n") == 1
 
 
 def test_full_disk_is_distinguished_from_unusable_input(
@@ -73,9 +73,9 @@ def test_full_disk_is_distinguished_from_unusable_input(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "open", full)
-    code, said = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "a", "x"))
+    code, message = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "a", "x"))
     assert code == cli.TRY_AGAIN == stage.STOPPED
-    assert "cannot write" in said
+    assert "cannot write" in message
     monkeypatch.undo()
     (tmp_path / "file").touch()
     code, _ = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "file" / "a", "x"))
@@ -124,10 +124,10 @@ def test_invalid_command_line_gives_one_sentence(
     monkeypatch.setattr(sys, "argv", ["missing-physics", *words])
     with pytest.raises(SystemExit) as end:
         cli.main()
-    out, said = capsys.readouterr()
-    assert (end.value.code, out, said.count("\n")) == (cli.UNUSABLE_INPUT, "", 1)
-    assert said.startswith("missing-physics: ")
-    assert told in said
+    out, message = capsys.readouterr()
+    assert (end.value.code, out, message.count("\n")) == (cli.UNUSABLE_INPUT, "", 1)
+    assert message.startswith("missing-physics: ")
+    assert told in message
 
 
 def test_empty_command_line_prints_the_help(
@@ -136,8 +136,8 @@ def test_empty_command_line_prints_the_help(
     monkeypatch.setattr(sys, "argv", ["missing-physics"])
     with pytest.raises(SystemExit) as end:
         cli.main()
-    out, said = capsys.readouterr()
-    assert (end.value.code, said) == (cli.UNUSABLE_INPUT, "")
+    out, message = capsys.readouterr()
+    assert (end.value.code, message) == (cli.UNUSABLE_INPUT, "")
     assert "diagnose" in out
 
 

@@ -1,4 +1,4 @@
-"""`docs/first_diagnosis.md` does what it shows."""
+"""The commands of `docs/first_diagnosis.md` give the shown results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`inspect` and `diagnose` say the same of what a recording can tell."""
+"""`inspect` and `diagnose` agree on the information in a recording."""
 
 from __future__ import annotations
 
@@ -94,9 +94,9 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
         monkeypatch.setattr("sys.argv", ["missing-physics", *map(str, words)])
         with pytest.raises(SystemExit) as left:
             main()
-        said = capsys.readouterr()
-        assert left.value.code == 0, said.err
-        return said.out
+        message = capsys.readouterr()
+        assert left.value.code == 0, message.err
+        return message.out
 
     return printed
 

@@ -1,4 +1,4 @@
-"""Ctrl-C ends a run of a machine whose controller holds its command, in the product as a user starts it."""
+"""Ctrl-C ends a simulation with a sampled controller, as started by a user."""
 
 from __future__ import annotations
 

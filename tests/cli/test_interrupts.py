@@ -1,4 +1,4 @@
-"""Ctrl-C, signals like it, and readers that go away end a command with the code that a shell expects."""
+"""Ctrl-C, other signals and closed pipes end a command with the exit code that a shell expects."""
 
 from __future__ import annotations
 

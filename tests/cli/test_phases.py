@@ -1,4 +1,4 @@
-"""Without a terminal, every phase of a long command leaves a line."""
+"""Without a terminal, every phase of a long command prints a line."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from missing_physics.cli.progress import phases
 
 def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
     """Of stderr, without the seconds in front."""
-    said = capsys.readouterr()
-    assert said.out == ""
-    return [line.split(" s  ", 1)[1] for line in said.err.splitlines()]
+    message = capsys.readouterr()
+    assert message.out == ""
+    return [line.split(" s  ", 1)[1] for line in message.err.splitlines()]
 
 
 def waited_for(capsys: pytest.CaptureFixture[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""A package of somebody else under the name of one of ours is reported in a sentence."""
+"""A foreign package that shadows one of this program is reported in one sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`missing-physics simulate`: what it writes, and what it refuses."""
+"""`missing-physics simulate`: output and rejected input."""
 
 from __future__ import annotations
 

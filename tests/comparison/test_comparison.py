@@ -1,4 +1,4 @@
-"""Nominal robot, standard model and answer, compared alike; the file that is written is the better one."""
+"""Nominal robot, standard model and answer are compared alike; the better file is written."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def rows(recording: Recording, channels: tuple[str, ...] = CHANNELS) -> tuple[Ro
 def diagnosed(answer: Robot, own: tuple[Rows, ...], *findings: Finding) -> Result:
     nothing = Errors(1.0, 1.0)
     fit = Fit({c: ChannelFit("N m", nothing, nothing, 0.02) for c in own[0].channels}, 0.0)
-    told = Diagnosis("arm", ("simulated",), (), "explained", "", (), findings, fit)
-    return Result(told, (), (), robot_to_toml(answer), rows=own)
+    diagnosis = Diagnosis("arm", ("simulated",), (), "explained", "", (), findings, fit)
+    return Result(diagnosis, (), (), robot_to_toml(answer), rows=own)
 
 
 def test_correct_answer_is_written_next_to_the_standard_model(run: Recording) -> None:
@@ -76,13 +76,13 @@ def test_answer_worse_than_the_standard_model_is_replaced_and_unproven(run: Reco
     name = Finding("stribeck_friction", "joint1", 0.99, {})
     wrong = ARM.with_effects(friction(9.0), friction(9.0, "joint2"))
     found = judged(compared(diagnosed(wrong, rows(run), name), ARM, [run], 1), ARM)
-    told = found.diagnosis
-    assert told.comparison.written == "standard"
-    assert told.verdict == "unexplained"
-    assert "worse than the standard model" in told.summary
+    diagnosis = found.diagnosis
+    assert diagnosis.comparison.written == "standard"
+    assert diagnosis.verdict == "unexplained"
+    assert "worse than the standard model" in diagnosis.summary
     written = predictions(robot_from_toml(found.augmented_robot_toml), [run], found.rows)
     assert written is not None
-    for channel, one in told.comparison.channels.items():
+    for channel, one in diagnosis.comparison.channels.items():
         assert one.answer == written.errors[channel]  # whatever is written is what is stated
         assert one.standard is not None
         assert one.answer.validation_rms <= 1.02 * one.standard.validation_rms
@@ -129,8 +129,8 @@ def test_missing_standard_model_is_explained(run: Recording) -> None:
 
 
 def _empty() -> Result:
-    told = Diagnosis("arm", ("simulated",), (), "not_enough_data", "", (), (), Fit({}, 0.0))
-    return Result(told, (), (), robot_to_toml(ARM))
+    diagnosis = Diagnosis("arm", ("simulated",), (), "not_enough_data", "", (), (), Fit({}, 0.0))
+    return Result(diagnosis, (), (), robot_to_toml(ARM))
 
 
 def test_singular_regression_gives_one_sentence(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:

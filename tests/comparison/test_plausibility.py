@@ -1,4 +1,4 @@
-"""What numbers of machines can be: one table, and nothing is stated beyond it."""
+"""Plausible ranges of machine parameters, which no stated parameter exceeds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict as a function of what is left, what was named and what else the search says."""
+"""The verdict as a function of the residual, the findings and further results of the search."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""diagnosis.json: the documented keys and types, the same text each time, no number that JSON lacks."""
+"""diagnosis.json: documented keys and types, reproducible text, finite numbers."""
 
 from __future__ import annotations
 
@@ -121,17 +121,17 @@ def test_summaries_explain_the_verdict() -> None:
     robot = load_robot("two_link_arm")
     fit = Fit({}, 0.81)
 
-    def said(verdict: str, *findings: Finding) -> str:
+    def message(verdict: str, *findings: Finding) -> str:
         return summary(robot, verdict, (MISMATCH,), findings, fit)  # type: ignore[arg-type]
 
-    assert said("consistent").startswith("The recording agrees with two_link_arm")
-    explained = said("explained", FINDING)
+    assert message("consistent").startswith("The recording agrees with two_link_arm")
+    explained = message("explained", FINDING)
     assert MISMATCH.words in explained
     assert "Stribeck friction at joint2 (97%)" in explained
     assert "falls by 81%" in explained
-    ambiguous = said("ambiguous", finding(0.5, "gravity@base"))
+    ambiguous = message("ambiguous", finding(0.5, "gravity@base"))
     assert "Coulomb friction at joint1 cannot be told apart from gravity@base" in ambiguous
-    assert "no effect of the catalogue explains it" in said("unexplained")
+    assert "no effect of the catalogue explains it" in message("unexplained")
     assert "no effect of the catalogue explains it" not in explained
     assert "has no name" not in explained
     beside = summary(robot, "explained", (MISMATCH,), (FINDING,), fit, (UNNAMED,))

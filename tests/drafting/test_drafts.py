@@ -1,4 +1,4 @@
-"""Drafts of maps and overlays: what they guess reads the log rightly; what nothing tells is a question."""
+"""Drafts of maps and overlays: guesses read the log correctly, and undetermined properties become questions."""
 
 from __future__ import annotations
 

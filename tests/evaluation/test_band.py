@@ -1,4 +1,4 @@
-"""The filter of the band."""
+"""The band-limiting filter."""
 
 from __future__ import annotations
 

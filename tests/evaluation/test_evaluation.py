@@ -1,4 +1,4 @@
-"""What a robot file leaves of a recording: nothing of the robot that made it, else what is missing."""
+"""Residuals of a robot file on a recording: none for the true robot, else those of the missing physics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a joint slides: away from reversals by as much as a filter rounds them, whatever the units."""
+"""Detection of sliding: away from reversals by the width of the filter, independent of units."""
 
 from __future__ import annotations
 

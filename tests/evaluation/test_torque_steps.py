@@ -1,4 +1,4 @@
-"""What sampling and rounding leave unknown of a torque, against errors that are made and filtered here."""
+"""Torque uncertainty due to sampling and rounding, against simulated and filtered errors."""
 
 from __future__ import annotations
 

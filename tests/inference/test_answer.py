@@ -1,4 +1,4 @@
-"""What a diagnosis by weighed hypotheses states, of recordings of which everything is known."""
+"""Answers of a diagnosis for recordings with known parameters."""
 
 from __future__ import annotations
 
@@ -81,18 +81,18 @@ def test_with_a_correct_robot_file_only_the_hidden_effect_is_named(
     arm: Robot, hidden: Hidden, effect: str
 ) -> None:
     result, _ = diagnosed(with_friction(arm), hidden)
-    told = result.diagnosis
-    assert [f.effect for f in told.findings] == [effect]
-    assert told.verdict == "explained"
-    assert [m.location for m in told.mismatch] == ["joint"]
-    assert told.fit.validation_improvement > 0.8
+    diagnosis = result.diagnosis
+    assert [f.effect for f in diagnosis.findings] == [effect]
+    assert diagnosis.verdict == "explained"
+    assert [m.location for m in diagnosis.mismatch] == ["joint"]
+    assert diagnosis.fit.validation_improvement > 0.8
 
 
 def test_residual_of_the_robot_file_equals_the_stated_one(arm: Robot) -> None:
     result, runs = diagnosed(with_friction(arm), spring)
-    written, told = robot_from_toml(result.augmented_robot_toml), result.diagnosis
-    channel = told.fit.channels["joint.torque"]
-    made = evaluate(written, runs[1], told.fit.bands[1])
+    written, diagnosis = robot_from_toml(result.augmented_robot_toml), result.diagnosis
+    channel = diagnosis.fit.channels["joint.torque"]
+    made = evaluate(written, runs[1], diagnosis.fit.bands[1])
     (rows,) = [s for s in result.series if s.role == "validation"]
     left = made.at(rows.time, "joint.torque")[rows.counted]
     # Recordings are compared with the small delay of the torque taken out, which is a tenth of a sample here.
@@ -103,21 +103,21 @@ def test_residual_of_the_robot_file_equals_the_stated_one(arm: Robot) -> None:
 
 def test_unknown_force_is_reported_without_a_name(arm: Robot) -> None:
     result, _ = diagnosed(with_friction(arm), thinning)
-    told = result.diagnosis
-    assert told.findings == ()
-    (force,) = told.unnamed
+    diagnosis = result.diagnosis
+    assert diagnosis.findings == ()
+    (force,) = diagnosis.unnamed
     assert force.depends_on == ("joint.velocity",)
     assert force.share > 0.8
-    assert told.verdict == "unexplained"
+    assert diagnosis.verdict == "unexplained"
 
 
 def test_friction_that_decreases_with_time_is_described_without_a_name(arm: Robot) -> None:
     def warming(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         return 0.4 * np.exp(-time / 6.0) * np.sign(velocity)
 
-    told = diagnosed(with_friction(arm), warming)[0].diagnosis
-    assert told.findings == ()
-    (force,) = told.unnamed
+    diagnosis = diagnosed(with_friction(arm), warming)[0].diagnosis
+    assert diagnosis.findings == ()
+    (force,) = diagnosis.unnamed
     (curve,), (knots,) = force.curves, force.knots
     assert (force.depends_on, curve.carrier) == (("time",), "direction")
     assert force.share > 0.8
@@ -125,7 +125,7 @@ def test_friction_that_decreases_with_time_is_described_without_a_name(arm: Robo
     early, late = (np.interp(t, knots, curve.torque) for t in (1.0, 20.0))
     # of a polynomial of the fourth degree
     assert early - late == pytest.approx(0.4 * (np.exp(-1.0 / 6.0) - np.exp(-20.0 / 6.0)), rel=0.1)
-    assert told.verdict == "unexplained"
+    assert diagnosis.verdict == "unexplained"
     assert drawn(force, arm).across == "time [s]"
 
 

@@ -1,4 +1,4 @@
-"""Walls that a link runs against, found from the torques of the joints."""
+"""Contacts of a link with a wall, found from the joint torques."""
 
 from __future__ import annotations
 

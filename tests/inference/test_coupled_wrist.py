@@ -1,4 +1,4 @@
-"""A wrist whose two motors move both joints: what is missing is named at the motor or joint where it sits."""
+"""A wrist whose two motors move both joints: effects are named at the motor or joint where they act."""
 
 from __future__ import annotations
 
@@ -177,9 +177,11 @@ def test_unsupported_coupled_robots_are_rejected_with_one_sentence(
 
 def test_stribeck_friction_of_a_motor_is_read_from_the_robot_file(wrist: Robot) -> None:
     motor = EffectUse(effect="stribeck_friction", at="swing", **LEVELS)
-    told = diagnose(wrist.with_effects(motor), [recorded(wrist, "swing", "stribeck", 1.0, seed=6)]).diagnosis
-    assert told.findings == ()
-    assert not [change for change in told.nominal_parameters if "@" in change.name]
+    diagnosis = diagnose(
+        wrist.with_effects(motor), [recorded(wrist, "swing", "stribeck", 1.0, seed=6)]
+    ).diagnosis
+    assert diagnosis.findings == ()
+    assert not [change for change in diagnosis.nominal_parameters if "@" in change.name]
 
 
 def test_missing_channels_of_a_coupled_robot_are_reported_in_one_sentence(wrist: Robot) -> None:

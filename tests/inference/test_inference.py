@@ -1,4 +1,4 @@
-"""What the inference core finds in recordings of which everything is known."""
+"""The search on recordings with known parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction laws that the robot file has: taken as known, re-estimated where wrong, never named as missing."""
+"""Friction laws in the robot file: known, re-estimated if wrong, and never named as missing."""
 
 from __future__ import annotations
 
@@ -96,10 +96,10 @@ def test_correct_friction_law_of_the_robot_file_leaves_no_residual(arm: Robot) -
     )
     cases = (with_stribeck(arm), excess), (with_bristles(arm), bristles), (uneven, asymmetric)
     for robot, hidden in cases:
-        told = diagnosed(robot, hidden).diagnosis
-        assert told.verdict == "consistent"
-        assert told.findings == ()
-        assert not told.nominal_parameters
+        diagnosis = diagnosed(robot, hidden).diagnosis
+        assert diagnosis.verdict == "consistent"
+        assert diagnosis.findings == ()
+        assert not diagnosis.nominal_parameters
 
 
 def test_temperature_dependent_friction_of_the_file_leaves_no_residual(arm: Robot) -> None:
@@ -122,19 +122,19 @@ def test_temperature_dependent_friction_of_the_file_leaves_no_residual(arm: Robo
 def test_with_a_friction_law_in_the_file_only_the_hidden_effect_is_named(arm: Robot, kind: str) -> None:
     robot = with_stribeck(arm) if kind == "stribeck_friction" else with_bristles(arm)
     result = diagnosed(robot, both(spring, excess if kind == "stribeck_friction" else bristles))
-    told = result.diagnosis
-    assert [f.effect for f in told.findings] == ["cable_spring"]
-    assert told.findings[0].parameters["stiffness"].value == pytest.approx(1.5, rel=0.02)
-    assert told.verdict == "explained"
+    diagnosis = result.diagnosis
+    assert [f.effect for f in diagnosis.findings] == ["cable_spring"]
+    assert diagnosis.findings[0].parameters["stiffness"].value == pytest.approx(1.5, rel=0.02)
+    assert diagnosis.verdict == "explained"
     values = law()["values"] | (BRISTLES if kind == "lugre_friction" else {})
     assert {name: written(result, kind)[name] for name in values} == values
 
 
 def test_wrong_static_torque_is_reported_as_a_changed_file_parameter(arm: Robot) -> None:
     result = diagnosed(with_stribeck(arm, 0.6 * STATIC), excess)
-    told = result.diagnosis
-    assert told.findings == ()
-    (change,) = [c for c in told.nominal_parameters if "@" in c.name]
+    diagnosis = result.diagnosis
+    assert diagnosis.findings == ()
+    (change,) = [c for c in diagnosis.nominal_parameters if "@" in c.name]
     assert change.name == "stribeck_friction@joint.static_torque"
     assert (change.nominal, change.unit) == (0.6 * STATIC, "N m")
     assert change.moved
@@ -157,9 +157,9 @@ def test_friction_of_the_file_that_is_absent_is_reported_as_zero(arm: Robot) -> 
     def frictionless(time: Array, position: Array, velocity: Array) -> Array:
         return -COULOMB * np.sign(velocity)
 
-    told = diagnosed(with_stribeck(arm), frictionless).diagnosis
-    assert told.findings == ()
-    changes = {c.name: c.estimate for c in told.nominal_parameters if "@" in c.name}
+    diagnosis = diagnosed(with_stribeck(arm), frictionless).diagnosis
+    assert diagnosis.findings == ()
+    changes = {c.name: c.estimate for c in diagnosis.nominal_parameters if "@" in c.name}
     assert changes["stribeck_friction@joint.static_torque"] == pytest.approx(0.0, abs=0.01)
     assert changes["stribeck_friction@joint.coulomb_torque"] == pytest.approx(0.0, abs=0.01)
 
@@ -168,11 +168,11 @@ def test_unknown_force_with_a_friction_law_in_the_file_is_reported_without_a_nam
     def thinning(time: Array, position: Array, velocity: Array) -> Array:
         return 0.3 * np.arctan(velocity)
 
-    told = diagnosed(with_stribeck(arm), both(excess, thinning)).diagnosis
-    assert told.findings == ()
-    (force,) = told.unnamed
+    diagnosis = diagnosed(with_stribeck(arm), both(excess, thinning)).diagnosis
+    assert diagnosis.findings == ()
+    (force,) = diagnosis.unnamed
     assert force.depends_on == ("joint.velocity",)
-    assert not [change for change in told.nominal_parameters if "@" in change.name]
+    assert not [change for change in diagnosis.nominal_parameters if "@" in change.name]
 
 
 def test_friction_laws_of_the_file_are_not_penalised_and_changes_equally(arm: Robot) -> None:

@@ -1,4 +1,4 @@
-"""Hypotheses about a space robot with a link that bends, weighed on positions and torques."""
+"""Hypotheses about a space robot with a flexible link, from positions and torques."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A drive at its limit, a joint that nothing drives, and friction about stops."""
+"""Torque saturation, a passive joint, and friction near stops."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def pendulum(arm: Robot) -> Robot:
 
 def test_torque_saturation_is_named_from_a_recorded_command(arm: Robot) -> None:
     robot = with_friction(arm)
-    told = diagnose(robot, [commanded(2.0, seed=1)], [commanded(2.0, seed=2)]).diagnosis
-    assert [f.effect for f in told.findings] == ["torque_saturation"]
-    limit = told.findings[0].parameters["limit"]
+    diagnosis = diagnose(robot, [commanded(2.0, seed=1)], [commanded(2.0, seed=2)]).diagnosis
+    assert [f.effect for f in diagnosis.findings] == ["torque_saturation"]
+    limit = diagnosis.findings[0].parameters["limit"]
     assert limit.value == pytest.approx(2.0, rel=0.01)  # the corner is rounded over half a percent
 
 
@@ -45,19 +45,19 @@ def test_passive_pendulum_with_errors_in_its_file_is_diagnosed(pendulum: Robot) 
     runs = [decaying(stiffness, inertia, start, *friction) for start in (1.2, 0.9)]
     off = {"center_of_mass": (1.05 * link.center_of_mass[0], 0.0, 0.0), "mass": 0.97 * link.mass}
     wrong = pendulum.model_copy(update={"links": (link.model_copy(update=off),)})
-    told = diagnose(wrong, runs[:1], runs[1:]).diagnosis
-    found = {f.effect: next(iter(f.parameters.values())) for f in told.findings}
+    diagnosis = diagnose(wrong, runs[:1], runs[1:]).diagnosis
+    found = {f.effect: next(iter(f.parameters.values())) for f in diagnosis.findings}
     assert set(found) == {"viscous_friction", "coulomb_friction"}
     for one, true in zip((found["viscous_friction"], found["coulomb_friction"]), friction):
         assert one.value == pytest.approx(true, rel=0.1)  # as the masses of the file
         assert one.ci95[0] < true < one.ci95[1]
-    assert told.verdict == "explained"
+    assert diagnosis.verdict == "explained"
 
 
 def test_drive_below_its_limit_gives_no_torque_saturation(arm: Robot) -> None:
     """The joint sticks as it turns back: neither that, nor a file that is right, is missing physics."""
-    told = diagnose(with_friction(arm), [commanded(50.0, seed=1)], [commanded(50.0, seed=2)]).diagnosis
-    assert told.verdict == "consistent"
+    diagnosis = diagnose(with_friction(arm), [commanded(50.0, seed=1)], [commanded(50.0, seed=2)]).diagnosis
+    assert diagnosis.verdict == "consistent"
 
 
 def test_friction_of_a_passive_pendulum_is_named(pendulum: Robot) -> None:

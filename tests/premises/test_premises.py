@@ -1,4 +1,4 @@
-"""What a diagnosis takes for granted: faults are found, and nothing is said of a recording without any."""
+"""Premises of a diagnosis: faults are found, and clean recordings give no message."""
 
 from __future__ import annotations
 
@@ -155,6 +155,6 @@ def test_command_line_stops_with_one_sentence(
         with pytest.raises(SystemExit) as left:
             main()
         assert left.value.code == UNUSABLE_INPUT
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert "run.csv: no gravity given; -9.81 along z would explain" in said
+        message = capsys.readouterr().err
+        assert message.count("\n") == 1
+        assert "run.csv: no gravity given; -9.81 along z would explain" in message

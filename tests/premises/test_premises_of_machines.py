@@ -1,4 +1,4 @@
-"""Premises of the real machines: maps made by hand are right, faults put into their recordings are found."""
+"""Premises of real machines: manual maps are right, and faults put into recordings are found."""
 
 from __future__ import annotations
 

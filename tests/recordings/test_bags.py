@@ -1,4 +1,4 @@
-"""ROS bags: joint states without a map; whatever cannot be read is one sentence."""
+"""ROS bags: joint states without a map; unreadable bags give one sentence."""
 
 from __future__ import annotations
 
@@ -86,8 +86,8 @@ def test_map_reads_topics_with_different_clocks(tmp_path: Path) -> None:
     slow = T[5:75:2] + 0.001
     sent = states() + states("/hand", ("finger",), time=slow)
     path = write_bag(tmp_path / "a.bag", sent)
-    said = r"joint states of 2 kinds, /joint_states \(joint1, joint2\); /hand \(finger\); say in a map"
-    with pytest.raises(InputError, match=said):
+    message = r"joint states of 2 kinds, /joint_states \(joint1, joint2\); /hand \(finger\); say in a map"
+    with pytest.raises(InputError, match=message):
         load_recording(path)
     mapping = mapping_from_toml(
         '[time]\nsource = "/joint_states.joint1.time"\n'
@@ -117,7 +117,7 @@ def apart(time: np.ndarray) -> list[tuple[object, ...]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "sent", "also", "said"),
+    ("name", "sent", "also", "message"),
     [
         (
             "a.bag",
@@ -152,13 +152,13 @@ def test_unreadable_bags_give_one_sentence(
     name: str,
     sent: list[tuple[object, ...]],
     also: list[tuple[str, str]],
-    said: str,
+    message: str,
 ) -> None:
     path = write_bag(tmp_path / name, sent, also=also)
-    with pytest.raises(InputError, match=said) as refused:
+    with pytest.raises(InputError, match=message) as error:
         load_recording(path)
-    assert str(refused.value).startswith(str(path))
-    assert "\n" not in str(refused.value)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
 
 
 def test_command_reports_unreadable_bags_on_one_line(

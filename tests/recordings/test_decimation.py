@@ -1,4 +1,4 @@
-"""Recordings with more samples than a diagnosis takes: decimated behind a filter, and said."""
+"""Recordings with too many samples are decimated behind a filter, with a message."""
 
 from __future__ import annotations
 

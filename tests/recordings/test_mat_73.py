@@ -1,4 +1,4 @@
-"""MAT 7.3 is read by a process of its own: whatever becomes of it, the program says one sentence."""
+"""MAT 7.3 is read in a separate process, whose failures give one sentence."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_numbers_are_transferred_unchanged(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("program", "said"),
+    ("program", "message"),
     [
         ("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)", "is ended by it: SIGSEGV"),
         (LISTED + "os.kill(os.getpid(), signal.SIGABRT)", "is ended by it: SIGABRT"),
@@ -103,11 +103,11 @@ def test_numbers_are_transferred_unchanged(tmp_path: Path) -> None:
     ids=["crash", "later", "cut", "shape", "objects", "garbage", "nothing", "code", "endless"],
 )
 def test_any_end_of_the_reading_process_is_reported(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, said: str
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, message: str
 ) -> None:
     (tmp_path / "program.py").write_text(program)
     monkeypatch.setattr(datasets, "_PROGRAM", tmp_path / "program.py")
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_raw(whole)
     assert "may be truncated or damaged" in str(caught.value)
 
@@ -151,10 +151,10 @@ def test_reading_process_keeps_the_memory_limit(tmp_path: Path) -> None:
     """A file that asks for more is damaged; the machine lacks nothing."""
     with h5py.File(tmp_path / "a.mat", "w") as file:
         file.create_dataset("time", shape=(200_000_000,), dtype="f8")
-    said = answers(tmp_path / "a.mat", '{"names": ["time"], "size": 1000}\n')
-    assert said[0]["datasets"] == [{"name": "time", "shape": [200_000_000], "entry": 8, "chunk": 0}]
-    assert "failed" in said[1]
-    assert said[1]["memory"] is False
+    message = answers(tmp_path / "a.mat", '{"names": ["time"], "size": 1000}\n')
+    assert message[0]["datasets"] == [{"name": "time", "shape": [200_000_000], "entry": 8, "chunk": 0}]
+    assert "failed" in message[1]
+    assert message[1]["memory"] is False
 
 
 def test_cells_are_read_and_objects_are_reported(tmp_path: Path) -> None:

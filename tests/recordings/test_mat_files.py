@@ -1,4 +1,4 @@
-"""MAT versions 4 to 7: of whole files the numbers that SciPy reads, of damaged ones a sentence."""
+"""MAT versions 4 to 7: same numbers as SciPy, and one sentence for damaged files."""
 
 from __future__ import annotations
 
@@ -294,6 +294,6 @@ def test_matlab_object_is_reported_with_advice(tmp_path: Path, of_class: str, re
     for mapping in (None, mapped):
         with pytest.raises(InputError) as told:
             load_recording(tmp_path / "a.mat", mapping=mapping)
-        said = str(told.value)
-        assert f"out is an object of the class {of_class}, which only MATLAB opens; there, " in said
-        assert remedy in said
+        message = str(told.value)
+        assert f"out is an object of the class {of_class}, which only MATLAB opens; there, " in message
+        assert remedy in message

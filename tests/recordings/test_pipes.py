@@ -1,4 +1,4 @@
-"""What comes through a pipe, or under a name in /dev, is read like a file."""
+"""Pipes and names in /dev are read like files."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_pipe_is_read_once_for_channels_and_constants(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "pipe is empty"),
         (b"PK\0\1", "pipe holds binary data, not text"),
@@ -105,15 +105,15 @@ def test_pipe_is_read_once_for_channels_and_constants(tmp_path: Path) -> None:
     ],
 )
 def test_error_messages_name_the_pipe_and_no_copy_remains(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes, said: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes, message: str
 ) -> None:
     (tmp_path / "copies").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "copies"))
-    with through(tmp_path / "pipe", content) as pipe, pytest.raises(InputError) as refused:
+    with through(tmp_path / "pipe", content) as pipe, pytest.raises(InputError) as error:
         load_recording(pipe, size_limit=1e6)
-    assert f"{tmp_path}/" in str(refused.value)
-    assert said in str(refused.value)
-    assert "piped" not in str(refused.value)
+    assert f"{tmp_path}/" in str(error.value)
+    assert message in str(error.value)
+    assert "piped" not in str(error.value)
     assert not list((tmp_path / "copies").iterdir())
 
 

@@ -1,4 +1,4 @@
-"""Checks: each fault planted into a clean recording is found, and the clean one passes."""
+"""Checks: each fault put into a clean recording is found, and the clean one passes."""
 
 from __future__ import annotations
 
@@ -101,8 +101,8 @@ def test_many_turns_consistent_with_the_velocity_give_no_advice(swing: Recording
     """Both may be in degrees all the same, which is said, unless a robot's torques would tell it."""
     turning = changed(swing, position=DEGREES, velocity=DEGREES)
     assert ("degrees", "joint1.position") not in kinds(turning, "warning")
-    [said] = [f.sentence for f in check(turning) if f.kind == "degrees"]
-    assert said.endswith("joint1.velocity agrees with it: both are in radians, or both in degrees.")
+    [message] = [f.sentence for f in check(turning) if f.kind == "degrees"]
+    assert message.endswith("joint1.velocity agrees with it: both are in radians, or both in degrees.")
     assert not [f for f in check(turning, robot=load_robot("two_link_arm")) if f.kind == "degrees"]
 
 

@@ -264,8 +264,8 @@ def test_correction_includes_the_present_map() -> None:
         '[channels."joint2.torque"]\n'
         'product = ["gain", { source = "u", row = 1, scale = 2.0 }]\nnoise = 0.1\n'
     )
-    said = in_words([Correction("joint1.position", scale=-2.0), Correction("time", scale=1e-3)], mapping)
-    assert said == (
+    message = in_words([Correction("joint1.position", scale=-2.0), Correction("time", scale=1e-3)], mapping)
+    assert message == (
         '[channels."joint1.position"] index = [0, 2, ":"], source = "log.q", scale = -1, offset = -0.5; '
         '[time] source = "ms", scale = 1e-06'
     )

@@ -243,9 +243,9 @@ def test_inspect_reports_problems_that_stop_a_diagnosis(
 ) -> None:
     csv(tmp_path / "a.csv", rows_with(0, "0,0"), "time,joint9.position")
     assert command(monkeypatch, "inspect", str(tmp_path / "a.csv"), "--robot", "single_axis") == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "a diagnosis with this robot stops" in said
-    assert "joint1.position" in said
+    message = " ".join(capsys.readouterr().out.split())
+    assert "a diagnosis with this robot stops" in message
+    assert "joint1.position" in message
 
 
 @pytest.mark.parametrize("quiet", [False, True])

@@ -1,4 +1,4 @@
-"""Whatever bytes a reader is given, it returns a recording or raises InputError with one sentence."""
+"""For any bytes a reader returns a recording or raises InputError with one sentence."""
 
 from __future__ import annotations
 

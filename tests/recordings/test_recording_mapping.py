@@ -104,9 +104,9 @@ def test_a_channel_is_limited_after_its_scale(tmp_path: Path) -> None:
     torque = 2 * (np.sin(3 * T) + np.cos(T))
     np.testing.assert_allclose(recording["joint1.torque"], np.clip(torque, -1.5, 1.0), rtol=1e-14)
     mapping = mapping_from_toml(text)
-    said = in_words([Correction("joint1.torque", scale=-3.0)], mapping)
-    assert "scale = -6" in said
-    assert "clip = [-3, 4.5]" in said
+    message = in_words([Correction("joint1.torque", scale=-3.0)], mapping)
+    assert "scale = -6" in message
+    assert "clip = [-3, 4.5]" in message
 
 
 @pytest.mark.parametrize("bits", [2, 8, 16])

@@ -1,4 +1,4 @@
-"""Names of channels: places as robots name their parts, and nothing that is a number."""
+"""Names of channels: places as in robot files, but no numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every reader gives the numbers that were written, whatever the form."""
+"""Every reader returns the written numbers, for any form of the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The public real recordings through the shipped mapping files, held against what is published."""
+"""Public real recordings with the shipped maps, compared with publications."""
 
 from __future__ import annotations
 

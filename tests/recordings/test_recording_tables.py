@@ -1,4 +1,4 @@
-"""Tables in memory become the recording that the same table in a file would be."""
+"""Tables in memory become the same recording as in a file."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_a_mapping_picks_columns_of_arrays(data: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "options", "said"),
+    ("data", "options", "message"),
     [
         (7, {}, "run is of type int, which is no table; give a data frame"),
         ({}, {}, "run has no columns"),
@@ -113,11 +113,11 @@ def test_a_mapping_picks_columns_of_arrays(data: Any) -> None:
     ],
     ids=lambda value: str(value)[:20].split("\n")[0] if isinstance(value, str) else "",
 )
-def test_invalid_tables_give_one_sentence(data: Any, options: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError) as refused:
+def test_invalid_tables_give_one_sentence(data: Any, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as error:
         recording_from_table(data, name="run", **options)
-    assert said in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_mapping_for_files_is_rejected_for_tables() -> None:
@@ -142,8 +142,8 @@ values = st.one_of(
 def test_anything_gives_a_recording_or_one_sentence(data: Any) -> None:
     try:
         recording_from_table(data)
-    except InputError as refused:
-        sentence = str(refused)
+    except InputError as error:
+        sentence = str(error)
     else:
         return
     assert "\n" not in sentence

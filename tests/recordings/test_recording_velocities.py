@@ -1,4 +1,4 @@
-"""Velocities against positions: what is not the derivative is named, what is only noisy is not accused."""
+"""Velocities against positions: wrong derivatives are reported, noisy ones are not."""
 
 from __future__ import annotations
 

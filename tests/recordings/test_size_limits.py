@@ -1,4 +1,4 @@
-"""Files that unpack to far more than they take: refused by what they declare, unless the limit is raised."""
+"""Files with an excessive unpacked size are rejected by their declared size, unless the limit is raised."""
 
 from __future__ import annotations
 
@@ -124,9 +124,11 @@ def test_declared_sizes_are_checked_against_the_limit(tmp_path: Path, kind: str)
     make(tmp_path / name)
     with pytest.raises(InputError) as refused:
         read_raw(tmp_path / name, budget=Budget(0.15 * TAKEN))
-    said = str(refused.value)
-    assert name in said
-    assert "at most 0.00048 GB are read: keep fewer samples or columns, or allow more (--size-limit" in said
+    message = str(refused.value)
+    assert name in message
+    assert (
+        "at most 0.00048 GB are read: keep fewer samples or columns, or allow more (--size-limit" in message
+    )
     assert read_raw(tmp_path / name).variables
 
 
@@ -211,7 +213,7 @@ def mat73_of_another_file(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "make", "said"),
+    ("name", "make", "message"),
     [
         ("a.npz", npz_of_a_lie, "truncated or damaged"),
         ("a.mat", mat5_of_a_lie, "declares time with 1 x 500000000 entries, which takes 4 GB of memory"),
@@ -222,12 +224,12 @@ def mat73_of_another_file(path: Path) -> None:
     ids=lambda value: getattr(value, "__name__", ""),
 )
 def test_declared_but_absent_data_are_not_allocated(
-    tmp_path: Path, name: str, make: Callable[[Path], None], said: str
+    tmp_path: Path, name: str, make: Callable[[Path], None], message: str
 ) -> None:
     make(tmp_path / name)
     tracemalloc.start()
     try:
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             load_recording(tmp_path / name)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
@@ -257,8 +259,8 @@ def test_the_commands_take_a_limit_in_gigabytes(
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == code
-    assert ("which takes 0.00112 GB of memory" in (said := capsys.readouterr().err)) == bool(code)
-    assert said.count("\n") == bool(code)
+    assert ("which takes 0.00112 GB of memory" in (message := capsys.readouterr().err)) == bool(code)
+    assert message.count("\n") == bool(code)
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 

@@ -1,4 +1,4 @@
-"""Tables of the terminal: whatever its width, numbers stand whole and names can be read."""
+"""Tables in the terminal: numbers and names are readable at any width."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bent links as drawn: a beam with a force at its tip, what it carries, and the magnification."""
+"""Drawn flexible links: a beam with a tip force, attached bodies, and the magnification."""
 
 from __future__ import annotations
 

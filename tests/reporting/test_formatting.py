@@ -1,4 +1,4 @@
-"""Numbers for people: digits that the interval supports, never more certainty than there is."""
+"""Formatted numbers: digits supported by the interval, and no excess certainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The HTML report: well formed, self-contained, inert to hostile names, and true to the result."""
+"""The HTML report: well formed, self-contained, escaped, and consistent with the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What moves in the 3-D view of a diagnosis: joints, free base, bent links."""
+"""Moving parts in the 3-D view of a diagnosis: joints, free base, flexible links."""
 
 from __future__ import annotations
 

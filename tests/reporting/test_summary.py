@@ -1,4 +1,4 @@
-"""The printed summary: complete, plain off a terminal, and in the order of interest."""
+"""The printed summary: complete, ordered by importance, and plain text outside a terminal."""
 
 from __future__ import annotations
 

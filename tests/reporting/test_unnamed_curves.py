@@ -1,4 +1,4 @@
-"""What stays without a name: its figures, its pictures in the rerun file, its words in the summary."""
+"""Unnamed curves: their figures, their pictures in the rerun file, their sentences in the summary."""
 
 from __future__ import annotations
 
@@ -89,8 +89,8 @@ def test_names_of_curves_are_escaped(case: Callable[[], Unnamed]) -> None:
     assert not re.search(r"<(img|a href=.javascript)", text)
     assert text.count("alert(1)") == text.count("alert(1)&lt;") + text.count("alert(1)\\u0026lt;")
     for block in re.findall(r'<script type="application/json" id="unnamed.*?</script>', text, re.DOTALL):
-        said = json.dumps(json.loads(block.split(">", 1)[1].removesuffix("</script>")))
-        assert "<" not in re.sub("</?extra>", "", said)  # what plotly would read as a tag
+        message = json.dumps(json.loads(block.split(">", 1)[1].removesuffix("</script>")))
+        assert "<" not in re.sub("</?extra>", "", message)  # what plotly would read as a tag
 
 
 def test_rerun_file_contains_each_curve_unchanged(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The standard model of robots whose links bend: response to small forces, beams' numbers, vibration."""
+"""The standard model of robots with flexible links: response to small forces, beam parameters, vibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The standard model: recovered from simulations, physically possible, stated as it predicts."""
+"""The standard model: recovered from simulations, physically realisable, with reproducible predictions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gyros of a free-flyer: what is on board is named, with the truth in the interval, and nothing else is."""
+"""Gyros of a free-flyer: base effects are named with correct intervals, and nothing else is."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def test_reaction_wheels_are_named() -> None:
         assert low <= truth <= high
     assert "reaction_wheel" in found.searched
     assert all(c.after.validation_rms < 0.1 * c.before.validation_rms for c in found.fit.values())
-    told = Diagnosis("flyer", ("one",), (), "consistent", "", (), (), Fit({}, 0.0))
-    whole = with_base(Result(told, (), (), robot_to_toml(robot)), found, robot)
+    diagnosis = Diagnosis("flyer", ("one",), (), "consistent", "", (), (), Fit({}, 0.0))
+    whole = with_base(Result(diagnosis, (), (), robot_to_toml(robot)), found, robot)
     assert whole.diagnosis.verdict == "explained"
     uses = {(use.effect, use.at): use for use in robot_from_toml(whole.augmented_robot_toml).effects}
     assert uses["reaction_wheel", "base"].parameters["torque_x"] == pytest.approx(0.1, rel=0.05)

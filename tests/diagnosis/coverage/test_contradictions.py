@@ -1,4 +1,4 @@
-"""Channels against the robot's dynamics: every corruption is named, and no physics is taken for one."""
+"""Channels against the robot's dynamics: every corruption is reported, and no hidden effect is."""
 
 from __future__ import annotations
 
@@ -283,5 +283,5 @@ def test_suggested_correction_includes_the_present_map() -> None:
         'time = { source = "t" }\n[channels."joint1.torque"]\nsource = "volts"\nscale = 35.0\noffset = 2.0\n'
     )
     robot, recording = robot_of("single_axis"), factors(clean("single_axis"), joint1__torque=-1.0)
-    said = str(ContradictionError(recording, found(robot, recording), mapping))
-    assert '[channels."joint1.torque"] source = "volts", scale = -35, offset = -2' in said
+    message = str(ContradictionError(recording, found(robot, recording), mapping))
+    assert '[channels."joint1.torque"] source = "volts", scale = -35, offset = -2' in message

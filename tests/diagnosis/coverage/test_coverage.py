@@ -1,4 +1,4 @@
-"""What the data can carry is said before anything is fitted, joint by joint, with what would help."""
+"""Data coverage, reported before any fit for each joint, with advice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers that make nothing of what is divided by them: zero, next to zero, and beyond all bounds."""
+"""Degenerate numbers in divisions: zero, almost zero, and extremely large."""
 
 from __future__ import annotations
 

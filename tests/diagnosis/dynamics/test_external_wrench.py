@@ -1,4 +1,4 @@
-"""A force from outside on a free base: its gyro shows it at the base, and no joint is blamed for it."""
+"""An external force on a free base is located at the base by its gyro, and not at a joint."""
 
 from __future__ import annotations
 

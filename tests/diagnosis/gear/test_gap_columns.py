@@ -1,4 +1,4 @@
-"""Columns of each effect in the gap are its derivatives."""
+"""Columns of each gear effect are derivatives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Encoder errors of an order that nobody said: found with their order, and not read into other curves."""
+"""Encoder errors of unknown order are found with their order, and not confused with other curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Play beside a spring: named where it is crossed, and said to be possible where it is not."""
+"""Backlash with elasticity: named if it is crossed, and reported as possible otherwise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gears in a diagnosis: exact laws along a torque, what the robot file gets, torques at the joint."""
+"""Gears in a diagnosis: exact laws along a torque, the augmented robot file, joint torques."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What encoders' steps leave in their mean is not named."""
+"""Mean errors due to encoder resolution are not named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gap between two encoders, simulated by closed formulas: the right name, the truth in the interval."""
+"""The twist between two encoders in closed form: right names and correct intervals."""
 
 from __future__ import annotations
 

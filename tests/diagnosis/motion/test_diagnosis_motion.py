@@ -1,4 +1,4 @@
-"""Motion and torque of a recording: known signals, holes, jitter, motors, and what is refused."""
+"""Motion and torque of a recording: known signals, gaps, jitter, motors, and rejected input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Core channels of different clocks in one table: none is dropped, none compared above what it holds."""
+"""Core channels with different clocks: all are used, and none is compared beyond its bandwidth."""
 
 from __future__ import annotations
 

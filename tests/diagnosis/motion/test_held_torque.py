@@ -1,4 +1,4 @@
-"""A sampled controller holds its torque: that is no lag of the actuator."""
+"""The zero-order hold of a sampled controller is not an actuator lag."""
 
 from __future__ import annotations
 

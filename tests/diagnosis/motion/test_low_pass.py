@@ -1,4 +1,4 @@
-"""What is kept of a filtered recording is what the filter over all of it gives there."""
+"""The kept part of a filtered recording equals the output of the filter."""
 
 from __future__ import annotations
 

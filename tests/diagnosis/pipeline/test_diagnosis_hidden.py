@@ -1,4 +1,4 @@
-"""What is hidden in a recording is named, placed, measured and proven on data that were not fitted."""
+"""Hidden effects are named, located, estimated and validated on data that were not fitted."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_hidden_effect_is_named_located_estimated_and_validated(case: Case) -> N
     assert {f"{finding.effect}@{finding.location}", *rivals} == {f"{case.effect}@{case.at}", *case.twins}
     assert found.verdict == ("ambiguous" if case.twins else "explained")
     assert finding.probability > (0.2 if case.twins else 0.75)  # at most 0.89 is ever stated
-    for name in case.told:
+    for name in case.identified:
         assert within(finding.parameters[name], case.parameters[name]), (name, finding.parameters[name])
     assert found.fit.validation_improvement > case.improvement
     for name, channel in found.fit.channels.items():

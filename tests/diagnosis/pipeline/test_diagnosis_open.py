@@ -1,4 +1,4 @@
-"""Answers that leave something open, and recordings in which nothing is missing or nothing can be told."""
+"""Answers with open questions, and recordings without missing physics or without sufficient information."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_uninformative_recording_is_reported_as_such(spoil: Any, sentence: str) 
     found = result.diagnosis
     assert found.verdict == "not_enough_data"
     assert found.findings == ()
-    assert any(re.match(sentence, said) for said in found.could_not_tell)
+    assert any(re.match(sentence, message) for message in found.could_not_tell)
     assert found.summary.startswith("The recording cannot support any statement")
     check(json.loads(found.to_json()), SHAPE)
 

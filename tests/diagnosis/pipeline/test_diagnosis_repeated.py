@@ -1,4 +1,4 @@
-"""The same input gives the same answer, names and time origin tell nothing, a result says what was done."""
+"""Results are reproducible, independent of names and time origin, and documented."""
 
 from __future__ import annotations
 
@@ -81,12 +81,12 @@ def test_series_steps_and_notes_document_the_diagnosis(answer: Result) -> None:
 
 def test_validation_recording_is_scored_but_not_fitted(coulomb: Recording) -> None:
     other = simulate(ARM.with_effects(CASES["coulomb"].hidden), seed=2)
-    told: list[str] = []
-    result = diagnose(ARM, [coulomb], [other], options=QUICK, progress=told.append)
+    diagnosis: list[str] = []
+    result = diagnose(ARM, [coulomb], [other], options=QUICK, progress=diagnosis.append)
     found = result.diagnosis
     assert found.validation == (other.source,)
     assert {s.role for s in result.series} == {"train", "validation"}
     assert all(s.held_out.all() == (s.role == "validation") for s in result.series)
     assert found.fit.validation_improvement > 0.8
     assert not any("A quarter of each recording" in note for note in found.notes)
-    assert "weighing hypotheses" in told
+    assert "weighing hypotheses" in diagnosis
