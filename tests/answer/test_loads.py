@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from missing_physics.answer.bodies import _Known, _point_mass
+from missing_physics.answer.bodies import _BodyLikelihood, _point_mass
 from missing_physics.diagnosis import Diagnosis, Options, diagnose
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Link, Robot
@@ -108,7 +108,7 @@ def test_evidence_equals_the_integral_over_the_inertial_parameters(
     part = random.standard_normal((2, 2))
     precision[:2, :2], slope[:2] = 40.0 * part @ part.T, random.standard_normal(2) * 5.0
     values, vectors = np.linalg.eigh(precision)
-    known = _Known(np.eye(10)[None], vectors, np.maximum(values, 0.0), vectors.T @ slope)
+    known = _BodyLikelihood(np.eye(10)[None], vectors, np.maximum(values, 0.0), vectors.T @ slope)
     width = 1.0 if wrong else accuracy
     grid = np.linspace(-6.0 * width, 6.0 * width, 801)
     z = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1)

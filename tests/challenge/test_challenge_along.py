@@ -13,8 +13,8 @@ from exudyn_model import simulate
 from missing_physics.challenge.scoring.information import (
     IDENTIFIABLE,
     _changed,
-    _left,
     _nominal_columns,
+    _residual_energy,
     _rivals,
     distances,
 )
@@ -92,11 +92,15 @@ def test_residual_energy_equals_closed_forms() -> None:
     target, column = rng.normal(size=50), rng.normal(size=(50, 1))
     none = np.zeros((50, 0))
     c, t = column[:, 0], target
-    assert _left(t, none, none) == pytest.approx(t @ t)
-    assert _left(t, none, column) == pytest.approx(t @ t - (c @ t) ** 2 / (c @ c))
+    assert _residual_energy(t, none, none) == pytest.approx(t @ t)
+    assert _residual_energy(t, none, column) == pytest.approx(t @ t - (c @ t) ** 2 / (c @ c))
     # Woodbury: t' (1 + c c')^-1 t
-    assert _left(t, column, none) == pytest.approx(t @ np.linalg.solve(np.eye(50) + np.outer(c, c), t))
-    assert _left(3 * c, none, np.hstack([column, column])) == pytest.approx(0.0, abs=1e-9 * (c @ c))
+    assert _residual_energy(t, column, none) == pytest.approx(
+        t @ np.linalg.solve(np.eye(50) + np.outer(c, c), t)
+    )
+    assert _residual_energy(3 * c, none, np.hstack([column, column])) == pytest.approx(
+        0.0, abs=1e-9 * (c @ c)
+    )
 
 
 def distance(*effect: str, number: int = AXIS, noise: float = 1.0, **values: float) -> float:

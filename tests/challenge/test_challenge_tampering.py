@@ -20,7 +20,7 @@ from missing_physics.challenge import show
 from missing_physics.challenge.concealing.conceal import Concealed
 from missing_physics.challenge.processes.stage import Outcome
 from missing_physics.challenge.processes.workers import Work
-from missing_physics.challenge.scoring.score import _same_files
+from missing_physics.challenge.scoring.score import _check_files
 from missing_physics.challenge.seals.seal import digest
 from missing_physics.challenge.seals.sources import differing, program, sources
 from robot_model import InputError
@@ -178,17 +178,17 @@ def test_invalid_score_is_reported(tmp_path: Path, steps: Steps, content: str) -
 def test_case_inconsistent_with_the_truth_is_reported(file: str) -> None:
     case = made(design())
     files = case.files()
-    _same_files(case, files)
+    _check_files(case, files)
     rounded = files["recording.csv"].decode().splitlines()
     rounded[5] = ",".join([rounded[5].split(",")[0], *(f"{float(x):.7g}" for x in rounded[5].split(",")[1:])])
-    _same_files(case, {**files, "recording.csv": "\n".join(rounded).encode()})
+    _check_files(case, {**files, "recording.csv": "\n".join(rounded).encode()})
     other = Concealed(design().model_copy(update={"number": 5})).files()  # other noise
     if file == "robot.toml":
         mass = re.sub(rb"mass = ([0-9.]+)", lambda m: b"mass = %.6f" % (1.1 * float(m[1])), files[file])
         other = {file: mass}
     assert other[file] != files[file]
     with pytest.raises(InputError, match=f"{file} is not what the truth makes"):
-        _same_files(case, {**files, file: other[file]})
+        _check_files(case, {**files, file: other[file]})
 
 
 def test_a_recording_of_another_length_is_reported() -> None:
@@ -196,7 +196,7 @@ def test_a_recording_of_another_length_is_reported() -> None:
     files = case.files()
     short = b"\n".join(files["recording.csv"].splitlines()[:-7])
     with pytest.raises(InputError, match=r"recording\.csv is not what the truth makes"):
-        _same_files(case, {**files, "recording.csv": short})
+        _check_files(case, {**files, "recording.csv": short})
     assert np.isfinite(case.recordings[0].time).all()
 
 

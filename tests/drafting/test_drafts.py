@@ -1,4 +1,4 @@
-"""Drafts of maps and overlays: guesses read the log correctly, and undetermined properties become questions."""
+"""Drafts of maps and overlays: guesses read the log correctly, and open properties become questions."""
 
 from __future__ import annotations
 
