@@ -27,7 +27,7 @@ from missing_physics.challenge.seals.opening import (
 from missing_physics.challenge.seals.records import Answer, Answers, Made, Opened, Scoring, Sealed
 from missing_physics.challenge.seals.seal import digest, new_key, seal, unseal
 from missing_physics.challenge.seals.sources import differing, program, sources
-from missing_physics.challenge.seals.store import Store, disk_errors
+from missing_physics.challenge.seals.store import Store, said
 from robot_model import InputError, write_atomically
 
 __all__ = ["Settings", "program", "run", "show"]
@@ -342,7 +342,7 @@ def show(folder: Path, number: int) -> Path:
     store = Store(folder)
     if not store.path("opened.json").exists():
         raise InputError(f"{folder} holds no challenge that has been opened; run the challenge to its end.")
-    with disk_errors(folder):
+    with said(folder):
         truth = opened_by(store).truth
         check_cases(
             store, sorted(design.name for design in truth.designs), store.expected(Sealed, "seal.json")

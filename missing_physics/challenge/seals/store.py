@@ -31,7 +31,7 @@ from missing_physics.challenge.seals.seal import digest
 from robot_model import InputError, replacing_set, write_atomically
 from robot_model.system.owners import WRITING, remove_left
 
-__all__ = ["Store", "disk_errors"]
+__all__ = ["Store", "said"]
 
 #: Files that exist only after a challenge has begun.
 STARTED = ("cases", "manifest", "sealed", "seal.json", "answers", "answers.json", "opened.json")
@@ -50,7 +50,7 @@ class Store:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Lock the folder; raises `InputError` if another process holds the lock."""
-        with disk_errors(self.folder):
+        with said(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(self.path(".lock"), os.O_CREAT | os.O_RDWR, 0o644)
         try:
@@ -59,7 +59,7 @@ class Store:
             os.close(handle)
             raise InputError(f"another challenge is at work in {self.folder}; give another --out.") from None
         try:
-            with disk_errors(self.folder):
+            with said(self.folder):
                 yield
         finally:
             os.close(handle)
@@ -156,7 +156,7 @@ class Store:
 
 
 @contextmanager
-def disk_errors(folder: Path) -> Iterator[None]:
+def said(folder: Path) -> Iterator[None]:
     """Turn errors of the disk into `InputError`."""
     try:
         yield
