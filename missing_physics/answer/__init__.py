@@ -1,4 +1,4 @@
-"""From weighed hypotheses to a diagnosis: residuals, missing effects, and the augmented robot."""
+"""From weighed hypotheses to a diagnosis: residuals, missing effects, and the augmented robot file."""
 
 from missing_physics.answer.answer import answered
 

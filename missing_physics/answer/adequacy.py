@@ -1,7 +1,7 @@
-"""How often an explanation is right whose posterior is near one.
+"""Frequency with which an explanation with a posterior near one is right.
 
-The posterior is relative to the weighed hypotheses. Whether one of them is right is another question, and
-depends on the residual of the best one: where it is no larger than the noise, little remains that another
+The posterior is relative to the hypotheses considered. Whether one of them is right is another question, and
+depends on the residual of the best one: if it is no larger than the noise, little remains that another
 hypothesis could explain.
 """
 
@@ -17,23 +17,23 @@ from missing_physics.results.comparison import AT_NOISE, LITTLE
 
 __all__ = ["adequacies"]
 
-#: Part of the explanations with a posterior near one that are right, where joints are explained:
-#: (40 + 1) of (44 + 2). 30 of 32 were in an earlier count (23 of a third engine, nine simulated), 10 of 12
-#: in the half of the simulated yardstick that may be looked at (its page at 782f1f4); some of the nine
-#: may be among these.
+#: Fraction of the explanations with a posterior near one that are right, where joints are explained:
+#: (40 + 1) of (44 + 2). 30 of 32 were right in an earlier count (23 of a third engine, nine simulated), 10 of
+#: 12 in the half of the simulated yardstick used for development (its page at 782f1f4); some of the nine may
+#: be counted twice.
 EXPLAINED = 0.89
-#: and elsewhere: 17 of 25 in simulated cases of an earlier program (yardstick_simulated.md at 9fa7b99).
+#: The same elsewhere: 17 of 25 in simulated cases of an earlier program (yardstick_simulated.md at 9fa7b99).
 ELSEWHERE = 0.68
 
 
 def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
-    """Share of right explanations at a place: a joint, its channel, or a body, which affects all joints.
+    """Fraction of right explanations at a place: a joint, its channel, or a body, which affects all joints.
 
-    A joint with a force that no effect of the catalogue is counts as one that is not explained.
+    A joint with an unnamed force counts as not explained.
 
     Args:
         data: the rows.
-        fit: the stated hypothesis.
+        fit: the reported hypothesis.
     """
     explained = dict(zip(data.joints, _explained(data, fit)))
     explained |= {t.at: np.False_ for t in fit.hypothesis.terms if t.effect.is_unknown}
@@ -47,13 +47,13 @@ def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
 
 def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
     """Whether the held-out residual is at the noise or small compared with the mismatch, shape (n,)."""
-    unseen = ~data.seen
-    count = np.maximum(data.counts[unseen].sum(axis=0), 1.0)
-    after = fit.errors[unseen].sum(axis=0) / count
+    held_out = ~data.fitted_blocks
+    count = np.maximum(data.counts[held_out].sum(axis=0), 1.0)
+    after = fit.errors[held_out].sum(axis=0) / count
     before = np.zeros_like(after)
     for block in data.blocks:
         if block.fold not in data.folds:
-            left = data.target(block.run)[block.rows] - data.nominal(block.run)[block.rows]
-            before += np.sum(left**2, axis=0) / count
+            residual = data.target(block.run)[block.rows] - data.nominal(block.run)[block.rows]
+            before += np.sum(residual**2, axis=0) / count
     floor = data.noise**2 + data.error**2
     return np.asarray((after <= AT_NOISE**2 * floor) | (after - floor <= LITTLE * (before - floor)))

@@ -1,4 +1,4 @@
-"""From recordings to the weighed hypotheses, and from these to the diagnosis."""
+"""From recordings to weighed hypotheses, and from these to the diagnosis."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from missing_physics.answer.findings import answer_of, is_large, of_bodies
 from missing_physics.answer.guard import guarded
 from missing_physics.answer.load import carried
 from missing_physics.answer.locate import BEYOND_NOISE, located
-from missing_physics.answer.samples import compared_rows, punctual, series_of
+from missing_physics.answer.samples import compared_rows, series_of, without_delay
 from missing_physics.answer.unnamed import unnamed
 from missing_physics.evaluation import evaluate
 from missing_physics.hypotheses import TIMING
@@ -45,7 +45,7 @@ from robot_model import Recording, Robot, robot_to_toml, unit_of
 
 __all__ = ["answered", "dismissed", "rung"]
 
-Said = Callable[[str], None]
+Progress = Callable[[str], None]
 
 
 def answered(
@@ -56,19 +56,19 @@ def answered(
     cutoff: float | None = None,
     experiments: int | None = None,
     searched: Collection[str] = (),
-    beside: Information | None = None,
-    progress: Said,
+    extra: Information | None = None,
+    progress: Progress,
 ) -> tuple[Result, tuple[Recording, ...]]:
-    """The diagnosis before errors of robot files are compared, and the recordings corrected for delays.
+    """The diagnosis without the comparison of robot files, and the recordings corrected for delays.
 
     Args:
         robot: nominal.
         recordings: those that are fitted.
-        validation: those that are only predicted; a quarter of each recording is held out when empty.
+        validation: those that are only predicted; if empty, a quarter of each recording is held out.
         cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
-        experiments: seed of the motions that are designed for what is ambiguous; none are when None.
-        searched: ids of effects that other channels than torques were compared with.
-        beside: what other channels say of the bodies.
+        experiments: seed for designing motions that resolve ambiguities; none are designed when None.
+        searched: ids of effects that were compared with channels other than torques.
+        extra: information on the bodies from other channels.
         progress: called with a phrase whenever something new is tried.
 
     Raises:
@@ -78,7 +78,7 @@ def answered(
     band = common_band(robot, [*recordings, *validation]) if cutoff is None else cutoff
     windows = [] if validation else _windows(robot, recordings, band)
     standard = fit_standard(robot, recordings, cutoff=band, held_out=windows)
-    data = TorqueData.of(standard, recordings, validation, beside)
+    data = TorqueData.of(standard, recordings, validation, extra)
     progress("weighing hypotheses")
     found = search(data, progress)
     data = found.data
@@ -87,8 +87,8 @@ def answered(
     load = carried(found, known.answer, safe.fit)
     safe = (load.safe if load else None) or safe
     answer = answer_of(data, known, safe.fit, of_bodies(data, load.fit, load.loads) if load else ())
-    late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
-    every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
+    delay = 0.0 if is_large(data, safe.file) else safe.file.parameter(TIMING)
+    every = tuple(without_delay(robot, r, delay) for r in (*recordings, *validation))
     rows = compared_rows(data)
     made = tuple(evaluate(robot, one, own.band) for one, own in zip(every[: data.fitted], rows))
     needed: tuple[Experiment, ...] = ()
@@ -101,7 +101,7 @@ def answered(
     beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
     file = robot
     credible = all(is_credible_number(c.name, c.estimate, c.nominal, robot) for c in answer.changes)
-    if answer.findings or (beyond and credible):  # other numbers than the file's may explain it
+    if answer.findings or (beyond and credible):  # changed parameters of the file may explain it
         file = augmented(data, safe.file, answer.named)
     verdict: Verdict = "unexplained"
     if not answer.findings and not beyond:
@@ -146,7 +146,7 @@ def _windows(
 
 
 def _fit(rows: Sequence[Rows], robot: Robot) -> Fit:
-    """Channels that are compared; their errors are added by the comparison."""
+    """The compared channels; their errors are added by the comparison."""
     nothing = Errors(float("nan"), float("nan"))
     channels = {}
     prismatic = {joint.name for joint in robot.drives if joint.kind == "prismatic"}
@@ -168,7 +168,7 @@ def dismissed(found: Search[Any], findings: Sequence[Finding]) -> list[str]:
 
 
 def _not_searched(robot: Robot, searched: Collection[str]) -> str:
-    """Effects that no torque along the recorded motion shows, and that no other channel was searched for."""
+    """A sentence on effects that are not visible in torques and were not searched in other channels."""
     every = [effect for effect in catalogue().values() if not _is_searched(effect, robot)]
     titles = [effect.title.lower() for effect in every if effect.id not in searched]
     return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
@@ -193,9 +193,9 @@ def _notes(data: TorqueData, validated: bool) -> list[str]:
 
 
 def rung(found: Search[Any], step: Step) -> Rung:
-    """One hypothesis as the report lists it."""
+    """One trial of the search as listed in the report."""
     data, fit = found.data, step.fit
-    seen = data.seen
+    fitted_blocks = data.fitted_blocks
     counts = np.maximum(data.counts, 1e-300)
 
     def whitened(which: np.ndarray) -> float:
@@ -209,8 +209,8 @@ def rung(found: Search[Any], step: Step) -> Rung:
         effect=effect,
         location=place,
         added_to=tuple(f"{t.effect.id}@{t.at}" for t in step.before.hypothesis.terms),
-        train_rms=whitened(seen),
-        validation_rms=whitened(~seen),
+        train_rms=whitened(fitted_blocks),
+        validation_rms=whitened(~fitted_blocks),
         evidence=gain,
         kept=kept,
         why=f"log score {gain:+.1f} nats, prior included",

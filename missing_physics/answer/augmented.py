@@ -1,4 +1,4 @@
-"""The augmented robot file: nominal robot with re-estimated parameters and found effects."""
+"""The augmented robot file: the nominal robot with re-estimated parameters and the effects found."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping
     Args:
         data: the rows.
         fit: the answer.
-        more: effects at places that are parameters of the fit, such as delays, with their values.
+        more: further effects by effect and place, which are parameters of the fit, such as delays.
     """
-    numbers = dict(zip(fit.layout.names, map(float, fit.numbers)))
-    robot = as_robot(without_friction(data.standard.nominal), data.runs[0].model, numbers)
+    parameters = dict(zip(fit.layout.names, map(float, fit.parameters)))
+    robot = as_robot(without_friction(data.standard.nominal), data.runs[0].model, parameters)
     kept = tuple(
         use for use in robot.effects if not get_effect(use.effect).standard or any(_values(use).values())
     )
@@ -40,9 +40,9 @@ def augmented(data: TorqueData, fit: Fit, more: Mapping[tuple[str, str], Mapping
 
 
 def _is_left_out(term: Term, data: TorqueData) -> bool:
-    """Whether a term is unnamed, or acts in only one of several recordings.
+    """Whether a term is unnamed, or present in only one of several recordings.
 
-    A robot file would apply it to all of them.
+    In a robot file it would apply to all of them.
     """
     return term.effect.is_unknown or (term.run is not None and len(data.runs) > 1)
 

@@ -1,22 +1,21 @@
-"""Loads on links, and links whose mass properties are wrong, from the bodies that the recordings determine.
+"""Loads on links, and links with wrong mass properties, from the estimated bodies.
 
-Torques of a robot of rigid links are linear in the ten parameters phi of its bodies, so that the likelihood
-is exp(-1/2 (phi - phi0)^T F (phi - phi0) + eta^T (phi - phi0)) about the robot file's phi0, with friction,
-rotors and effects integrated out. Every hypothesis says how phi may differ from phi0,
+Torques of a robot of rigid links are linear in the ten parameters phi of each body. So the likelihood is
+exp(-1/2 (phi - phi0)^T F (phi - phi0) + eta^T (phi - phi0)) about the robot file's phi0, with friction,
+rotors and effects marginalised. Every hypothesis is a prior of phi,
 
     phi = phi0 + d + a_k,    d ~ N(0, tau^2 H^-1),
 
 with H the metric of relative changes of bodies (`missing_physics.bodies.pseudo_inertia`) and tau the accuracy
-of the robot file, unknown between that of weighed parts and that of a guess. a_k is nothing; or a point mass
-at link k,
+of the robot file, unknown between that of weighed parts and that of a guess. a_k is zero; or a point mass at
+link k,
 
     a_k = (m, m r, m (r.r 1 - r r^T)),    m > 0,  m ~ N(0, m_k^2),  r ~ N(centre_k, length_k^2);
 
-or one link, or two, are as uncertain as their parameters are large. The evidence integrates over d exactly,
-over m and r by Laplace's approximation, and over tau by a sum. Equations of joints that nothing drives do not
-count: their noise is that of the motion, in proportion to the bodies, so that they say nothing of their size.
-For the file to be off like a load, the other
-bodies would have to be right and the difference that of a point mass.
+or one or two links have a relative uncertainty of one. The evidence integrates over d exactly, over m and r
+by Laplace's approximation, and over tau by a sum. Equations of undriven joints are ignored: their noise is
+that of the motion, proportional to the bodies, so they contain no information on the bodies' scale. A load is
+thus named only if the other bodies agree with the file and the difference is that of a point mass.
 """
 
 from __future__ import annotations
@@ -45,27 +44,27 @@ __all__ = ["LOAD", "Load", "is_on_body", "is_real", "loads", "without_bodies"]
 
 Array = NDArray[np.float64]
 
-#: Accuracies that a robot file's bodies may have, each as probable as the others (relative change, standard
-#: deviation): of parts that were weighed, of careful and of usual CAD, of a handbook, of a guess.
+#: Equally probable accuracies of a robot file's bodies (standard deviation of the relative change): of parts
+#: that were weighed, of careful and of usual CAD, of a handbook, of a guess.
 ACCURACIES = (0.003, 0.01, 0.03, 0.1, 0.3)
-#: Relative accuracy of a single body that is wrong: as uncertain as it is large.
+#: Relative standard deviation of a single body that is wrong.
 WRONG = 1.0
 #: Effects on bodies.
 LOAD, WRONG_BODY = "payload", "inertia"
-#: A mass of fewer standard deviations is not distinguished from none.
+#: A load's mass below this many standard deviations is not distinguished from zero.
 CLEAR = 2.0
 
 
 @dataclass(frozen=True)
 class Load:
-    """One explanation of how bodies differ from the robot file.
+    """One explanation of the difference between the estimated bodies and the robot file.
 
     Attributes:
-        effect: id of the effect; empty where no body has any.
-        bodies: the links.
-        probability: against all others.
-        values: of the effect's parameters where a fit begins.
-        accuracy: that the robot file's other bodies most probably have (relative).
+        effect: id of the effect; empty for no effect.
+        bodies: the affected links.
+        probability: posterior probability.
+        values: starting values of the effect's parameters.
+        accuracy: most probable relative accuracy of the other bodies.
     """
 
     effect: str
@@ -76,25 +75,25 @@ class Load:
 
 
 def without_bodies(data: TorqueData, hypothesis: Hypothesis) -> Hypothesis:
-    """The hypothesis with all bodies and rotors unknown to the file estimated, without effects on bodies."""
+    """The hypothesis without effects on bodies, with all bodies and unstated rotors estimated."""
     terms = tuple(t for t in hypothesis.terms if not is_on_body(t.effect))
-    return replace(hypothesis, terms=terms, filed=hypothesis.filed - {BODIES} - unstated(data))
+    return replace(hypothesis, terms=terms, from_file=hypothesis.from_file - {BODIES} - unstated(data))
 
 
 def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
-    """Explanations of the bodies that the recordings determine, most probable first.
+    """Explanations of the estimated bodies, most probable first.
 
-    None where links bend, where nothing drives the robot, or where no body is estimated.
+    Empty if links are flexible, if nothing drives the robot, or if no body is estimated.
 
     Args:
         data: the rows.
-        fit: the effects beside which bodies are estimated.
+        fit: the fit whose effects are kept when bodies are estimated.
         shares: ratio of independent samples to samples at each joint, shape (n,).
     """
     if data.bends or data.layout.scale.any():
         return ()
-    beside = fitted(data, without_bodies(data, fit.hypothesis), fit)
-    problem = Problem.of(data, beside.hypothesis, beside.numbers)
+    without_load = fitted(data, without_bodies(data, fit.hypothesis), fit)
+    problem = Problem.of(data, without_load.hypothesis, without_load.parameters)
     free = problem.layout.free
     bodies = {
         data.layout.names[place.start].split(".")[0]: place
@@ -103,7 +102,7 @@ def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
     }
     if not bodies:
         return ()
-    known = _Known.of(data, problem, beside, shares, tuple(bodies.values()))
+    known = _BodyLikelihood.of(data, problem, without_load, shares, tuple(bodies.values()))
     links = [_Link.of(data, name, place) for name, place in bodies.items() if name != "base"]
     found: dict[tuple[str, tuple[str, ...]], list[tuple[float, Mapping[str, float], float]]] = {}
     starts: dict[str, Array] = {}
@@ -130,14 +129,14 @@ def loads(data: TorqueData, fit: Fit, shares: Array) -> tuple[Load, ...]:
 
 
 def is_real(data: TorqueData, fit: Fit, body: str) -> bool:
-    """Whether a body of a fit, which has all bodies estimated, is among 95 % of wrong ones.
+    """Whether a body of a fit with all bodies estimated is within 95 % of the prior of a wrong body.
 
-    Half the square of ten relative changes, in units of `WRONG`, is what the divergence is to second order.
+    To second order the divergence is half the sum of squares of ten relative changes in units of `WRONG`.
     """
     place = data.layout.names.index(f"{body}.mass")
     own = slice(place, place + COUNT)
-    apart = float(divergence(fit.numbers[own], data.layout.start[own])[0])
-    return apart <= 0.5 * float(chi2.ppf(0.95, COUNT)) * WRONG**2
+    change = float(divergence(fit.parameters[own], data.layout.start[own])[0])
+    return change <= 0.5 * float(chi2.ppf(0.95, COUNT)) * WRONG**2
 
 
 def is_on_body(effect: Effect) -> bool:
@@ -146,14 +145,14 @@ def is_on_body(effect: Effect) -> bool:
 
 
 @dataclass(frozen=True)
-class _Known:
-    """What the recordings determine of bodies, in coordinates z of relative changes: delta phi = root z.
+class _BodyLikelihood:
+    """Likelihood of the bodies in coordinates z of relative changes: delta phi = root z.
 
     Attributes:
         root: blocks of each body, shape (B, 10, 10).
-        vectors: eigenvectors of the information about z, columns, shape (P, P).
+        vectors: eigenvectors of the information on z, columns, shape (P, P).
         values: its eigenvalues, shape (P,).
-        slope: gradient of the log-likelihood at the robot file, in eigenvectors, shape (P,).
+        slope: gradient of the log-likelihood at the robot file, in the eigenvectors' basis, shape (P,).
     """
 
     root: Array
@@ -164,18 +163,18 @@ class _Known:
     @classmethod
     def of(
         cls, data: TorqueData, problem: Problem, fit: Fit, shares: Array, places: Sequence[slice]
-    ) -> _Known:
+    ) -> _BodyLikelihood:
         layout = problem.layout
         driven = np.any([run.driven for run in data.runs], axis=0)
         weight = np.where(driven, shares / (fit.sigma**2 + data.error**2), 0.0)
         gram, right = problem.total.weighted(weight)
-        if layout.beside is not None:
-            gram[np.ix_(layout.places_beside, layout.places_beside)] += layout.beside.matrix
-            right[layout.places_beside] += layout.beside.vector
+        if layout.extra is not None:
+            gram[np.ix_(layout.extra_places, layout.extra_places)] += layout.extra.matrix
+            right[layout.extra_places] += layout.extra.vector
         mine = np.concatenate([np.arange(place.start, place.stop) for place in places])
         others = np.setdiff1d(np.flatnonzero(layout.free), mine)
         held = np.setdiff1d(np.arange(len(layout.names)), np.concatenate([mine, others]))
-        right = right - gram[:, held] @ problem.begin[held] - gram[:, mine] @ data.filed[mine]
+        right = right - gram[:, held] @ problem.begin[held] - gram[:, mine] @ data.file_values[mine]
         matrix = gram[np.ix_(others, others)]
         prior, centre = 1.0 / layout.width[others] ** 2, layout.centre[others]
         size = 1.0 / np.sqrt(np.maximum(np.diag(matrix) + prior, 1e-300))
@@ -195,7 +194,7 @@ class _Known:
         return cls(root, vectors, np.maximum(values, 0.0), vectors.T @ (whole.T @ slope))
 
     def evidence(self, accuracy: float, wrong: Sequence[int] = ()) -> float:
-        """Logarithm of the likelihood, integrated over bodies of this accuracy but some wrong ones [nats]."""
+        """Log evidence, integrated over bodies of this accuracy except some wrong ones [nats]."""
         if not wrong:
             spread = accuracy**2
             grown = 1.0 + spread * self.values
@@ -209,7 +208,7 @@ class _Known:
         return float(0.5 * (slope @ np.linalg.solve(grown, slope) - np.linalg.slogdet(grown)[1]))
 
     def within(self, accuracy: float) -> Callable[[int], tuple[Array, Array]]:
-        """Slope and curvature of the log-likelihood by parameters of one body, others of this accuracy.
+        """Gradient and curvature of the log-likelihood by one body, integrated over others of this accuracy.
 
         Returns:
             A function of the body's number, shapes (10,) and (10, 10).
@@ -235,10 +234,10 @@ class _Link:
 
     Attributes:
         name: of the link.
-        mass: of it [kg].
+        mass: of the link [kg].
         centre: its centre of mass [m], shape (3,).
-        length: of it [m].
-        points: where a load may sit: its centre and the joints that it carries [m].
+        length: of the link [m].
+        points: starting positions of a load: its centre, its child joints and points around it [m].
     """
 
     name: str
@@ -250,18 +249,18 @@ class _Link:
     @classmethod
     def of(cls, data: TorqueData, name: str, place: slice) -> _Link:
         robot: Robot = data.standard.nominal
-        mass, moment = data.filed[place][0], data.filed[place][1:4]
+        mass, moment = data.file_values[place][0], data.file_values[place][1:4]
         centre, length = moment / mass, length_of(robot, name)
         carried = [np.array(joint.origin) for joint in robot.joints if joint.parent == name]
         around = [centre + side * length * axis for axis in np.eye(3) for side in (1.0, -1.0)]
         return cls(name, float(mass), centre, length, (centre, *carried, *around))
 
     def gain(self, slope: Array, curvature: Array, start: Array | None) -> tuple[float, Array]:
-        """Evidence of a load at the link beside none [nats], and its mass and place, shape (4,).
+        """Log evidence of a load at the link relative to no load [nats], and its mass and position, (4,).
 
         Args:
             slope, curvature: of the log-likelihood by the link's parameters.
-            start: mass and place where the search begins; several places when None.
+            start: starting mass and position; several positions when None.
         """
         size = np.array([self.mass, self.length, self.length, self.length])
         middle = np.array([0.0, *self.centre])
@@ -283,12 +282,12 @@ class _Link:
         precision, axes = np.linalg.eigh(second)
         precision = np.maximum(precision, 1e-9)
         deviation = float(np.sqrt(np.sum(axes[0] ** 2 / precision)))
-        if best.x[0] <= CLEAR * deviation:  # as likely as none, wherever it sits
+        if best.x[0] <= CLEAR * deviation:  # indistinguishable from no load
             return 0.0, best.x * size
         return float(np.log(2.0) - best.fun - 0.5 * np.sum(np.log(precision))), best.x * size
 
     def _starts(self, slope: Array, curvature: Array, size: Array) -> Iterator[Array]:
-        """Every place with the mass that is likeliest there."""
+        """Every starting position with its most likely mass."""
         for place in self.points:
             unit, _ = _point_mass(np.array([1.0, *place]))
             stiff = unit @ curvature @ unit + 1.0 / self.mass**2
@@ -299,7 +298,7 @@ def _point_mass(load: Array) -> tuple[Array, Array]:
     """The ten parameters of a point mass about the link's frame, (10,), and their derivatives, (10, 4).
 
     Args:
-        load: mass and place, shape (4,).
+        load: mass and position, shape (4,).
     """
     mass, place = load[0], load[1:]
     jacobian = np.zeros((COUNT, 4))

@@ -1,13 +1,13 @@
-"""Motions that would separate explanations that the recordings cannot.
+"""Design of motions that distinguish explanations which the recordings cannot distinguish.
 
-Along motions within the robot's limits, drawn at random and then improved by small random changes, the
-two fitted hypotheses predict the torques. What counts is the part of their difference that the rival
-cannot imitate by other numbers: with d the difference in units of the residual, X the derivatives of the
-rival's prediction by its parameters and H the information that the recordings have about these,
+Two fitted hypotheses predict the torques along motions within the robot's limits, drawn at random and then
+improved by small random changes. Only the part of their difference counts that the rival cannot imitate by
+other parameters: with d the difference in units of the residual, X the derivatives of the rival's prediction
+by its parameters and H the information of the recordings on these,
 
     min over c of 1/2 |d - X c|^2 + 1/2 c^T H c
 
-is the evidence that a recording of the motion is expected to add, in nats.
+is the expected evidence from a recording of the motion, in nats.
 """
 
 from __future__ import annotations
@@ -34,30 +34,30 @@ Array = NDArray[np.float64]
 #: Sines of each joint, and their frequencies [Hz].
 SINES = 4
 FREQUENCIES = (0.05, 2.0)
-#: Speed of the slowest motion drawn, as a part of the allowed speed.
+#: Speed of the slowest motion drawn, as a fraction of the allowed speed.
 SLOWEST = 0.05
-#: Part of the allowed range and speed that a motion uses.
+#: Fraction of the allowed range and speed that a motion uses.
 MARGIN = 0.9
-#: The motion rises from rest and falls back to it in this part of its length each.
+#: Fractions of a motion's length in which it starts from and returns to rest.
 RAMP = 0.15
 
 
 #: Length of a motion [s].
 LENGTH = 20.0
-#: Motions that are drawn, and changes of the best one that are tried at each of these spreads.
+#: Number of motions drawn, number of variations of the best one tried at each spread, and the spreads.
 DRAWN, TRIED, SPREADS = 12, 4, (0.5, 0.25)
 #: Most pairs for which a motion is designed, in the order of the findings.
 PAIRS = 3
 #: Expected evidence that separates two explanations [nats]: odds of one in twenty.
 ENOUGH = 3.0
-#: Part of the largest torque of an actuator that a motion may need.
+#: Fraction of an actuator's largest torque that a motion may need.
 MARGIN = 0.9
 
 
 def separating(
     data: TorqueData, known: Posterior, findings: Sequence[Finding], *, seed: int
 ) -> tuple[tuple[Experiment, ...], dict[str, str]]:
-    """An experiment for each pair that cannot be told apart, and the motions as CSV text by file name.
+    """An experiment for each indistinguishable pair, and the motions as CSV text by file name.
 
     Args:
         data: the rows.
@@ -70,7 +70,7 @@ def separating(
         return (), {}
     chance = np.random.default_rng(seed)
     designed = [pair for pair in pairs if pair.fits is not None][: 0 if data.bends else PAIRS]
-    tried = _Tried.of(
+    tried = _Motions.of(
         data, [MultiSines.drawn(len(data.joints), chance) for _ in range(DRAWN)] if designed else []
     )
     found, motions = [], dict[str, str]()
@@ -80,7 +80,7 @@ def separating(
             continue
         score, best = tried.best(data, *pair.fits)
         for spread in SPREADS:
-            near = _Tried.of(data, [best.near(spread, chance) for _ in range(TRIED)])
+            near = _Motions.of(data, [best.near(spread, chance) for _ in range(TRIED)])
             other, changed = near.best(data, *pair.fits)
             score, best = max((score, best), (other, changed), key=lambda one: one[0])
         name = f"experiment_{len(motions) + 1}.csv" if score >= ENOUGH else None
@@ -93,7 +93,7 @@ def separating(
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """A finding and a rival, with the best hypothesis that has the one and not the other, each way round."""
+    """A finding and a rival, with the best hypothesis that has only the one, and that has only the other."""
 
     effect: str
     rival: str
@@ -121,7 +121,7 @@ def _best(data: TorqueData, known: Posterior, has: tuple[str, str], lacks: tuple
 
 
 def _rate(data: TorqueData) -> float:
-    """Samples per second of a motion: enough for the filter of the positions."""
+    """Sampling rate of a motion [Hz]: enough for the position filter."""
     motion = data.runs[0].motion
     return float(min(motion.sampling, 8.0 * motion.smoothing))
 
@@ -134,14 +134,14 @@ def _limits(data: TorqueData) -> Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class _Tried:
-    """Motions, and the rows along them."""
+class _Motions:
+    """Candidate motions, and the rows along them."""
 
     motions: tuple[MultiSines, ...]
     rows: TorqueData | None
 
     @classmethod
-    def of(cls, data: TorqueData, motions: Sequence[MultiSines]) -> _Tried:
+    def of(cls, data: TorqueData, motions: Sequence[MultiSines]) -> _Motions:
         if not motions:
             return cls((), None)
         time = np.arange(0.0, LENGTH, 1.0 / _rate(data))
@@ -154,7 +154,7 @@ class _Tried:
         return cls(tuple(motions), TorqueData.of(data.standard, recordings))
 
     def best(self, data: TorqueData, one: Fit, rival: Fit) -> tuple[float, MultiSines]:
-        """The motion with the most expected evidence for one fit against its rival, and that [nats]."""
+        """The largest expected evidence for a fit against its rival [nats], and the motion with it."""
         scores = [self._evidence(data, number, one, rival) for number in range(len(self.motions))]
         top = int(np.argmax(scores))
         return scores[top], self.motions[top]
@@ -170,10 +170,10 @@ class _Tried:
         if np.any(np.abs(predicted) > MARGIN * limits):
             return 0.0
         size = np.hypot(rival.sigma, data.error)
-        apart = (predicted - contributions(rows, rival, number)) / size
+        difference = (predicted - contributions(rows, rival, number)) / size
         columns = [rows.designs[number], *(rows.columns(t, number)[:, :, 1:] for t in rival.hypothesis.terms)]
         whole = np.concatenate(columns, axis=2)[:, :, rival.layout.free] / size[:, None]
-        flat, aim = whole.reshape(-1, whole.shape[2]), apart.ravel()
+        flat, aim = whole.reshape(-1, whole.shape[2]), difference.ravel()
         gram = flat.T @ flat + rival.hessian
         scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
         imitated = np.linalg.lstsq(gram * np.outer(scale, scale), scale * (flat.T @ aim), rcond=1e-12)[0]
@@ -209,7 +209,7 @@ class Limits:
 
     @classmethod
     def of(cls, joints: Sequence[Joint], position: Array, velocity: Array) -> Limits:
-        """Limits of the description, else what was recorded: positions and velocities, shape (N, n)."""
+        """Limits of the robot file, else the range of recorded positions and velocities, shape (N, n)."""
         ranges = [
             joint.position_limits or (float(position[:, k].min()), float(position[:, k].max()))
             for k, joint in enumerate(joints)
@@ -227,7 +227,7 @@ class MultiSines:
     """Parameters of a motion of n joints; any values give a motion inside the limits.
 
     Attributes:
-        slowness: logarithm of the part of the allowed speed that is used.
+        slowness: logarithm of the fraction of the allowed speed that is used.
         frequencies: their logarithms, shape (n, SINES).
         weights: logarithms of the sines' relative amplitudes, shape (n, SINES).
         phases: [rad], shape (n, SINES).
@@ -286,13 +286,13 @@ class MultiSines:
 
 
 def _smooth(part: Array) -> Array:
-    """From 0 to 1 with first and second derivatives zero at both ends."""
+    """Smooth step from 0 to 1 with zero first and second derivatives at both ends."""
     s = np.clip(part, 0.0, 1.0)
     return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
 
 
 def _as_csv(joints: Sequence[str], time: Array, position: Array) -> str:
-    """A motion as a file of references: `time` [s] and positions of these joints, shape (N, n)."""
+    """A motion as CSV text of references: `time` [s] and positions of these joints, shape (N, n)."""
     text = io.StringIO()
     header = ",".join(["time", *(f"{joint}.reference_position" for joint in joints)])
     columns = np.column_stack([time, position])

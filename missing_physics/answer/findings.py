@@ -1,4 +1,4 @@
-"""Missing effects, their probabilities and the alternatives."""
+"""Missing effects, with their probabilities and alternatives."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from robot_model import Drive, Joint
 __all__ = ["QUANTILE", "RIVAL", "STATED", "Answer", "answer_of", "is_large", "keys_of", "of_bodies"]
 
 Array = NDArray[np.float64]
-#: A finding, and the energy that it explains.
+#: A finding, and the error energy that it explains.
 Weighty = tuple[Finding, float]
 
 #: Quantile of the 95 % interval.
 QUANTILE = 1.96
-#: A rival that is at least this probable is not excluded, and belongs to the ambiguous set: one in twenty.
+#: A rival with at least this probability is not excluded, and makes a finding ambiguous: one in twenty.
 RIVAL = 0.05
 #: Prefix of the ids of unnamed forces.
 UNNAMED = "unknown_"
-#: Findings that are less probable than this are not stated.
+#: Findings that are less probable than this are not reported.
 STATED = 0.5
-#: What a parameter of typical size does is rounding below this part of what another one does [-].
+#: The effect of a parameter is rounding if below this fraction of another one's, at typical values [-].
 ROUNDING = 1e-9
-#: Delay of the only torque up to which it is due to recording [samples]: half by a hold, and one by a bus.
+#: Delay of the only torque up to which it is attributed to recording [samples]: half by a hold, one by a bus.
 LARGEST = 1.5
-#: Effect and parameter of a torque recorded early: it was commanded before it acted, or the encoder is late.
+#: Effect and parameter for a torque recorded early: its command precedes its effect, or the encoder is late.
 EARLY = "actuator_lag", "time_constant"
 
 
@@ -71,7 +71,7 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
     Args:
         data: the rows.
         known: the hypotheses.
-        fit: the stated one.
+        fit: the reported fit.
         bodies: findings about bodies (`of_bodies`).
     """
     found: list[Finding] = []
@@ -84,7 +84,7 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
         if probability > STATED or (probability >= RIVAL and _rivals(data, known, fit, term)):
             found.append(_of_term(data, known, fit, term, probability))
     named: dict[tuple[str, str], dict[str, float]] = {}
-    for finding in _of_numbers(data, known, fit):
+    for finding in _of_parameters(data, known, fit):
         found.append(finding)
         named[finding.effect, finding.location] = {k: e.value for k, e in finding.parameters.items()}
     large = is_large(data, fit)
@@ -97,23 +97,23 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
         found.append(finding)
         weight[finding.effect, finding.location] = energy
     found.sort(key=lambda f: -weight[f.effect, f.location])
-    right = adequacies(data, fit)
-    found = [replace(f, probability=right(f.location) * min(f.probability, 1.0)) for f in found]
+    adequate = adequacies(data, fit)
+    found = [replace(f, probability=adequate(f.location) * min(f.probability, 1.0)) for f in found]
     changes = (*_changes(data, fit), *_changes_of_laws(data, fit, found))
     return Answer(fit, tuple(found), changes, timing, named)
 
 
 def _chance(data: TorqueData, known: Posterior, term: Term) -> float:
-    """Probability of an effect, of a higher rung of its family, or of a delay that is stated as it."""
+    """Probability of an effect, including higher rungs of its family and delays reported as this effect."""
     family = term.effect.family
     if family:
         return known.of_family(term.at, family, term.effect.rung)
-    late = sum(
+    delays = sum(
         float(weight)
         for fit, weight in zip(known.fits, known.weights)
         if term.key not in _keys(fit) and term.key in set(_delays(data, fit))
     )
-    return known.probability(term.key) + late
+    return known.probability(term.key) + delays
 
 
 def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
@@ -147,13 +147,13 @@ def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probabili
 
 
 def _shown(data: TorqueData, term: Term) -> list[Parameter]:
-    """Estimated parameters on which what is compared depends at all."""
+    """Estimated parameters on which the compared rows depend at all."""
     slopes = [
         np.abs(data.columns(term, run)[:, :, 1:]).max(axis=0, initial=0.0) for run in range(data.fitted)
     ]
     size = np.max(slopes, axis=0) / data.size[:, None]
-    felt = [float(own) * p.typical for own, p in zip(size.max(axis=0), term.free)]
-    return [p for p, own in zip(term.free, felt) if own > ROUNDING * max(felt)]
+    sensitivity = [float(own) * p.typical for own, p in zip(size.max(axis=0), term.free)]
+    return [p for p, own in zip(term.free, sensitivity) if own > ROUNDING * max(sensitivity)]
 
 
 def of_bodies(data: TorqueData, fit: Fit, carried: Sequence[Load]) -> tuple[Weighty, ...]:
@@ -191,16 +191,16 @@ def _of_body(data: TorqueData, fit: Fit, top: Load, body: str, carried: Sequence
 
 
 def _changed(data: TorqueData, fit: Fit, body: str) -> tuple[dict[str, Estimate], float]:
-    """Differences of a body from the file, named as those of `inertia`, and the energy that they explain."""
+    """Differences of a body from the file, named as in `inertia`, and the energy they explain."""
     first = data.layout.names.index(f"{body}.mass")
     places = np.arange(first, first + COUNT)
     found = {}
     for place, p in zip(places, get_effect("inertia").parameters):
         if any(design[:, :, place].any() for design in data.designs[: data.fitted]):
-            value = float(fit.numbers[place] - data.filed[place])
+            value = float(fit.parameters[place] - data.file_values[place])
             half = QUANTILE * float(fit.deviations[place])
             found[p.name] = Estimate(value, (value - half, value + half), p.unit)
-    away = fit.numbers[places] - data.filed[places]
+    away = fit.parameters[places] - data.file_values[places]
     return found, sum(_energy(data.designs[run][:, :, places] @ away, fit) for run in range(data.fitted))
 
 
@@ -210,14 +210,14 @@ def _energy(torques: Array, fit: Fit) -> float:
 
 
 def _replacing(data: TorqueData, fit: Fit, effect: str, joint: str) -> Iterator[str]:
-    """A sentence where an effect takes the place of a law of its family in the robot file."""
+    """A sentence if an effect replaces a law of its family in the robot file."""
     for law in absent(data, fit.hypothesis):
         if law.at == joint and law.effect.family and law.effect.family == get_effect(effect).family:
             yield f"It replaces the robot file's {law.effect.id}."
 
 
 def _simpler(term: Term, parameters: Mapping[str, Estimate]) -> Iterator[str]:
-    """The simpler effects that remain where essential parameters of an effect may be absent."""
+    """Simpler effects that are not excluded, since the interval of essential parameters contains zero."""
     for simpler, names in term.effect.contains.items():
         sizes = [parameters[p.name] for p in term.free if p.absent == 0.0 and p.name not in names.values()]
         if sizes and all(e.ci95[0] <= 0.0 <= e.ci95[1] for e in sizes):
@@ -226,20 +226,20 @@ def _simpler(term: Term, parameters: Mapping[str, Estimate]) -> Iterator[str]:
 
 def _rivals(data: TorqueData, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
     """Terms of hypotheses without a given term that replace it, with their probabilities."""
-    return _instead(
+    return _replacements(
         data, known, fit, term.at, lambda other: term.key in {t.key for t in other.hypothesis.terms}
     )
 
 
-def _instead(
+def _replacements(
     data: TorqueData, known: Posterior, fit: Fit, at: str, has: Callable[[Fit], bool]
 ) -> list[tuple[tuple[str, str], float]]:
-    """Rivals: terms in hypotheses that lack something and explain it otherwise.
+    """Rivals: terms of hypotheses that lack something and replace it.
 
     Args:
         data, known, fit: see `answer_of`.
-        at: place of what the rivals replace.
-        has: whether a fit contains it.
+        at: place of what is replaced.
+        has: whether a fit contains what is replaced.
     """
     own = {other.key for other in fit.hypothesis.terms} | set(_delays(data, fit))
     found: dict[tuple[str, str], float] = {}
@@ -247,7 +247,7 @@ def _instead(
         if has(other):
             continue
         theirs = {one.key for one in other.hypothesis.terms} | set(_delays(data, other))
-        alone = len(own - theirs) == 1  # nothing else differs: all their additional terms are rivals
+        alone = len(own - theirs) == 1  # nothing else is missing: all additional terms are rivals
         for key in theirs - own:
             if key[0].startswith(UNNAMED):
                 continue
@@ -257,11 +257,11 @@ def _instead(
 
 
 def _delays(data: TorqueData, fit: Fit) -> Iterator[tuple[str, str]]:
-    """The effect as which a joint with a timing different from the others is stated."""
+    """Effects as which additional delays of joints are reported."""
     for joint in data.joints:
         if _is_free(fit, f"{joint}.{TIMING}"):
-            late = fit.number(f"{joint}.{TIMING}") > 0.0
-            yield ("sensor_delay", f"{joint}.torque") if late else (EARLY[0], joint)
+            delays = fit.parameter(f"{joint}.{TIMING}") > 0.0
+            yield ("sensor_delay", f"{joint}.torque") if delays else (EARLY[0], joint)
 
 
 def _label(key: tuple[str, str], place: str) -> str:
@@ -286,12 +286,12 @@ def _axes(data: TorqueData) -> tuple[Drive | Joint, ...]:
     return (*data.standard.nominal.drives, *data.standard.nominal.joints)
 
 
-def _of_numbers(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Finding]:
-    """Friction and offsets that the robot file lacks altogether."""
+def _of_parameters(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Finding]:
+    """Findings of friction and offsets that are zero in the robot file."""
     for joint in data.joints:
         for kind, (effect, parameter, sign) in EFFECTS.items():
             name = f"{joint}.{kind}"
-            if not _is_free(fit, name) or data.filed[fit.layout.names.index(name)] != 0.0:
+            if not _is_free(fit, name) or data.file_values[fit.layout.names.index(name)] != 0.0:
                 continue
             probability = known.freed(name)
             if kind == "coulomb":  # a friction law contains it
@@ -299,8 +299,8 @@ def _of_numbers(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Findin
             if probability <= STATED:
                 continue
             p = get_effect(effect).parameter(parameter)
-            value, half = sign * fit.number(name), QUANTILE * fit.deviation(name)
-            if abs(value) < half or not _is_felt(data, fit, name):  # it may as well be absent
+            value, half = sign * fit.parameter(name), QUANTILE * fit.deviation(name)
+            if abs(value) < half or not _is_significant(data, fit, name):  # it may as well be absent
                 continue
             interval = max(value - half, p.lower), value + half
             estimate = Estimate(value, interval, _unit(data, joint, p.unit))
@@ -312,40 +312,40 @@ def _of_numbers(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Findin
 def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iterator[str]:
     """Friction laws that are equivalent to an offset while the joint slides.
 
-    They are where the friction in either direction still opposes the motion.
+    They are equivalent as long as the friction in either direction opposes the motion.
     """
     laws = [term.parameters for term in fit.hypothesis.terms if term.at == joint and term.is_given]
-    level = fit.number(f"{joint}.coulomb") + sum(law.get("coulomb_torque", 0.0) for law in laws)
+    level = fit.parameter(f"{joint}.coulomb") + sum(law.get("coulomb_torque", 0.0) for law in laws)
     if abs(value) <= level:
         for other in catalogue().values():
             if other.is_friction_law and effect in other.contains:
                 yield other.id
 
 
-def _is_felt(data: TorqueData, fit: Fit, name: str) -> bool:
+def _is_significant(data: TorqueData, fit: Fit, name: str) -> bool:
     """Whether the contribution of a standard model parameter exceeds the error of any model."""
     place = fit.layout.names.index(name)
-    parts = [np.mean((design[:, :, place] * fit.numbers[place]) ** 2, axis=0) for design in data.designs]
+    parts = [np.mean((design[:, :, place] * fit.parameters[place]) ** 2, axis=0) for design in data.designs]
     return bool(np.any(np.max(parts, axis=0) > data.error**2))
 
 
 def _of_delays(data: TorqueData, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
-    """Delays of one joint's torque relative to the others, and large ones of the only torque."""
-    counted = data.counts[data.seen].sum(axis=0) > 0.0
+    """Findings of delays of one joint's torque relative to others, and of large delays of the only torque."""
+    counted = data.counts[data.fitted_blocks].sum(axis=0) > 0.0
     names = [name for name, fitted in zip(data.joints, counted) if fitted]
     for joint in names:
         name = f"{joint}.{TIMING}"
         own = _is_free(fit, name)
-        delay = fit.number(name) + (fit.number(TIMING) if common else 0.0)
+        delay = fit.parameter(name) + (fit.parameter(TIMING) if common else 0.0)
         deviation = np.hypot(fit.deviation(name), fit.deviation(TIMING) if common else 0.0)
         if not (own or common) or abs(delay) <= QUANTILE * deviation:  # it may as well be absent
             continue
         probability = known.freed(name) if own else _chance_large(data, fit)
-        others = _instead(data, known, fit, joint, partial(_is_free, name=name)) if own else []
+        others = _replacements(data, known, fit, joint, partial(_is_free, name=name)) if own else []
         if probability <= STATED and (probability < RIVAL or not others):
             continue
         low, high = abs(delay) - QUANTILE * deviation, abs(delay) + QUANTILE * deviation
-        # Of two joints that differ, either may be the odd one; an early torque may be a late encoder.
+        # Either of two joints that differ may be the delayed one; an early torque may be a late encoder.
         odd = next((n for n in names if n != joint), "") if own and not common and len(names) == 2 else ""
         effect, at, parameter = EARLY[0], joint, EARLY[1]
         if delay > 0.0:
@@ -361,7 +361,7 @@ def _of_delays(data: TorqueData, known: Posterior, fit: Fit, *, common: bool) ->
 
 def _is_free(fit: Fit, name: str) -> bool:
     place = fit.layout.names.index(name)
-    return bool(fit.layout.free[place]) and name not in fit.hypothesis.filed
+    return bool(fit.layout.free[place]) and name not in fit.hypothesis.from_file
 
 
 def is_large(data: TorqueData, fit: Fit) -> bool:
@@ -374,15 +374,15 @@ def _chance_large(data: TorqueData, fit: Fit) -> float:
 
     A delay shared by several torques is due to the recording.
     """
-    if np.sum(data.counts[data.seen].sum(axis=0) > 0.0) > 1:
+    if np.sum(data.counts[data.fitted_blocks].sum(axis=0) > 0.0) > 1:
         return 0.0
-    limit, delay = LARGEST / data.runs[0].motion.sampling, fit.number(TIMING)
+    limit, delay = LARGEST / data.runs[0].motion.sampling, fit.parameter(TIMING)
     deviation = max(fit.deviation(TIMING), 1e-300)
     return float(norm.sf((limit - delay) / deviation) + norm.cdf((-limit - delay) / deviation))
 
 
 def _timing(data: TorqueData, fit: Fit) -> Iterator[Timing]:
-    delay, half = fit.number(TIMING), QUANTILE * fit.deviation(TIMING)
+    delay, half = fit.parameter(TIMING), QUANTILE * fit.deviation(TIMING)
     if half > 0.0:
         rate = data.runs[0].motion.sampling
         for run in data.runs:
@@ -391,27 +391,27 @@ def _timing(data: TorqueData, fit: Fit) -> Iterator[Timing]:
 
 
 def _changes(data: TorqueData, fit: Fit) -> Iterator[ParameterChange]:
-    """Re-estimated parameters of the robot file that some recorded torque depends on."""
+    """Re-estimated parameters of the robot file on which some recorded torque depends."""
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")
-        nominal = float(data.filed[place])
+        nominal = float(data.file_values[place])
         if not fit.layout.free[place] or TIMING in name or name.startswith("gravity"):
             continue
         if not any(design[:, :, place].any() for design in data.designs):
             continue
         if joint in data.joints and kind in EFFECTS and nominal == 0.0:
-            continue  # a finding
-        value, half = fit.number(name), QUANTILE * fit.deviation(name)
+            continue  # reported as a finding
+        value, half = fit.parameter(name), QUANTILE * fit.deviation(name)
         known = FILE * abs(nominal)
-        if joint not in data.joints:  # of the body's scale, as a coordinate of its centre may be 0
+        if joint not in data.joints:  # relative to the body's scale, as a coordinate of its centre may be 0
             known = data.standard.estimate.width * float(fit.layout.size[place])
         wide = QUANTILE * known
-        is_filed = name in fit.hypothesis.filed or (
-            joint not in data.joints and BODIES in fit.hypothesis.filed
+        is_from_file = name in fit.hypothesis.from_file or (
+            joint not in data.joints and BODIES in fit.hypothesis.from_file
         )
-        if is_filed and joint not in data.joints:
+        if is_from_file and joint not in data.joints:
             wide = QUANTILE * min(data.standard.estimate.width, FILE) * float(fit.layout.size[place])
-        if is_filed and abs(value - nominal) <= max(wide, half):
+        if is_from_file and abs(value - nominal) <= max(wide, half):
             continue
         yield ParameterChange(
             name,
@@ -425,9 +425,9 @@ def _changes(data: TorqueData, fit: Fit) -> Iterator[ParameterChange]:
 
 
 def _changes_of_laws(data: TorqueData, fit: Fit, found: Sequence[Finding]) -> Iterator[ParameterChange]:
-    """Parameters of the robot file's friction laws beyond its tolerance, and those of laws that are absent.
+    """Changed parameters of the robot file's friction laws, beyond its tolerance or of absent laws.
 
-    A law that another one replaces is that finding.
+    Laws replaced by another one are reported with that finding.
     """
     for term, name in fit.hypothesis.freed:
         value = term.parameters[name]
@@ -439,14 +439,14 @@ def _changes_of_laws(data: TorqueData, fit: Fit, found: Sequence[Finding]) -> It
     for term in absent(data, fit.hypothesis):
         if term.effect.family is None or (term.at, term.effect.family) not in replaced:
             for p in term.effect.estimated:
-                if p.absent is not None and term.filed(p.name) != p.absent:
+                if p.absent is not None and term.file_value(p.name) != p.absent:
                     yield _change_of_law(data, term, p.name, p.absent, (p.absent, p.absent))
 
 
 def _change_of_law(
     data: TorqueData, term: Term, name: str, value: float, interval: tuple[float, float]
 ) -> ParameterChange:
-    nominal, unit = term.filed(name), _unit(data, term.at, term.effect.parameter(name).unit)
+    nominal, unit = term.file_value(name), _unit(data, term.at, term.effect.parameter(name).unit)
     wide = QUANTILE * FILE * abs(nominal)
     before = nominal - wide, nominal + wide
     return ParameterChange(f"{term.effect.id}@{term.at}.{name}", unit, nominal, value, interval, "", before)
@@ -456,26 +456,26 @@ def _unit_of_number(data: TorqueData, joint: str, kind: str) -> str:
     if joint in data.joints:
         plain = {"viscous": "N m s/rad", "reflected_inertia": "kg m^2"}.get(kind, "N m")
         prismatic = next(j for j in _axes(data) if j.name == joint).kind == "prismatic"
-        straight = {"viscous": "N s/m", "reflected_inertia": "kg"}.get(kind, "N")
-        return straight if prismatic else plain
+        linear = {"viscous": "N s/m", "reflected_inertia": "kg"}.get(kind, "N")
+        return linear if prismatic else plain
     if kind == "mass":
         return "kg"
     return "kg m" if joint.endswith("first_moment") else "kg m^2"
 
 
 def _gain(data: TorqueData, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
-    """Part of the held-out error that an effect removes, compared with the same hypothesis without it."""
+    """Fraction of the held-out error that an effect removes, relative to the same hypothesis without it."""
     less, laws = _keys(fit) - {key}, {law.key for law in absent(data, fit.hypothesis) if law.at == key[1]}
     others = [f for f in known.fits if _keys(f) == less or (laws and _keys(f) == less | laws)]
     if not others:
         return 0.0
-    best, unseen = others[0], ~data.seen
-    before, after = (np.sqrt((f.errors[unseen].sum(axis=0) / fit.sigma**2).sum()) for f in (best, fit))
+    best, held_out = others[0], ~data.fitted_blocks
+    before, after = (np.sqrt((f.errors[held_out].sum(axis=0) / fit.sigma**2).sum()) for f in (best, fit))
     return float(1.0 - after / before) if before > 0.0 else 0.0
 
 
 def keys_of(data: TorqueData, fit: Fit) -> set[tuple[str, str]]:
-    """Effects and places of a fit, delays that are stated as effects included."""
+    """Effects and places of a fit, including delays reported as effects."""
     return {*_keys(fit), *_delays(data, fit)}
 
 
@@ -484,7 +484,7 @@ def _keys(fit: Fit) -> set[tuple[str, str]]:
 
 
 def _removed(data: TorqueData, fit: Fit, finding: Finding) -> float:
-    """Energy that a finding explains in the fitted recordings, in units of the residual."""
+    """Error energy that a finding explains in the fitted recordings, in units of the residual."""
     terms = [t for t in fit.hypothesis.terms if t.key == (finding.effect, finding.location)]
     total = 0.0
     for i in range(data.fitted):
@@ -494,6 +494,6 @@ def _removed(data: TorqueData, fit: Fit, finding: Finding) -> float:
             joint = finding.location.split(".")[0]
             kinds = [k for k, (effect, _, _) in EFFECTS.items() if effect == finding.effect] or [TIMING]
             place = fit.layout.names.index(f"{joint}.{kinds[0]}")
-            part = data.designs[i][:, :, place] * fit.numbers[place] / fit.sigma
+            part = data.designs[i][:, :, place] * fit.parameters[place] / fit.sigma
             total += float(np.sum(part**2))
     return total

@@ -1,9 +1,9 @@
 """Ensures that at every joint the answer predicts held-out data no worse than the standard model or the file.
 
-A result at some joint in the fitted recordings may not hold in others. Where the standard model predicts a
-joint better, the joint's effects are removed and its parameters estimated as in the standard model; if that
-is not enough, all bodies are re-estimated; as a last resort they are taken from the standard model. Where the
-robot file predicts a joint better, the joint's effects are removed and its parameters are those of the file.
+A result at some joint in the fitted recordings may not hold in others. If the standard model predicts a joint
+better, the joint's effects are removed and its parameters estimated as in the standard model. If that is not
+enough, all bodies are re-estimated; as a last resort they are taken from the standard model. If the robot
+file predicts a joint better, the joint's effects are removed and its parameters are those of the file.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from reference_model.effects.base import BodyEffect
 
 __all__ = ["WORSE", "Guarded", "guarded"]
 
-#: An rms that exceeds another by this factor is worse: two halves of one recording differ by 2 % in it.
+#: An rms that exceeds another by this factor is worse: two halves of one recording differ by 2 %.
 WORSE = 1.02
-#: Parameters of a joint that a robot file has.
+#: Parameters of a joint that a robot file states.
 OF_FILE = ("viscous", "coulomb", "offset", "reflected_inertia")
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Guarded:
-    """The stated fit, and the one that a robot file can hold.
+    """The reported fit, and the fit that a robot file can represent.
 
     Attributes:
         fit: the answer.
@@ -68,28 +68,28 @@ def guarded(data: TorqueData, fit: Fit, standard: Fit) -> Guarded:
 
 
 def _with_bodies_of(data: TorqueData, hypothesis: Hypothesis, standard: Fit) -> Hypothesis:
-    """The hypothesis with the bodies of the standard model, which suit the joints that it predicts better."""
+    """The hypothesis with the bodies of the standard model."""
     layout = data.layout
     names = [
         name for body in layout.bodies for name, free in zip(layout.names[body], layout.free[body]) if free
     ]
-    return hypothesis.holding({name: standard.number(name) for name in names})
+    return hypothesis.holding({name: standard.parameter(name) for name in names})
 
 
 def _no_worse_than_file(data: TorqueData, hypothesis: Hypothesis, file: Fit) -> tuple[Hypothesis, Fit]:
-    """The hypothesis with the file's numbers at joints that the robot file predicts better, and its fit."""
-    by_file, filed = _errors_of_file(data), set[str]()
-    while more := set(_larger(data, _held_out(data, file.errors), by_file)) - filed:
-        filed |= more
-        hypothesis = _as_filed(data, hypothesis, more)
+    """The hypothesis with the file's parameters at joints that the file predicts better, and its fit."""
+    by_file, restored = _errors_of_file(data), set[str]()
+    while more := set(_larger(data, _held_out(data, file.errors), by_file)) - restored:
+        restored |= more
+        hypothesis = _with_file_at(data, hypothesis, more)
         file = _file(data, hypothesis, file)
     return hypothesis, file
 
 
 def _file(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
-    """The hypothesis that a robot file can hold.
+    """The fit of the hypothesis without unnamed forces, which a robot file can represent.
 
-    A file has no events, but its numbers are estimated beside those of the recordings.
+    Events are kept, so that the other parameters are not biased by them.
     """
     kept = tuple(term for term in hypothesis.terms if not term.effect.is_unknown)
     if len(kept) == len(hypothesis.terms) and hypothesis is start.hypothesis:
@@ -114,26 +114,26 @@ def _worse(data: TorqueData, made: Fit, standard: Fit) -> list[str]:
 
 
 def _larger(data: TorqueData, ours: Array, theirs: Array) -> list[str]:
-    """Joints at which one squared error exceeds another, with that of any model, shape (n,) each."""
-    floor = data.error**2 * data.counts[~data.seen].sum(axis=0)
+    """Joints at which one squared error exceeds another, (n,) each, both with the error of any model."""
+    floor = data.error**2 * data.counts[~data.fitted_blocks].sum(axis=0)
     return [j for j, a, b in zip(data.joints, ours + floor, theirs + floor) if a > WORSE**2 * b]
 
 
 def _held_out(data: TorqueData, errors: Array) -> Array:
-    """Squared error of each joint in held-out blocks, shape (n,), from that of all blocks, (B, n)."""
-    return np.asarray(errors[~data.seen].sum(axis=0))
+    """Squared error of each joint in held-out blocks, shape (n,), from the errors of all blocks, (B, n)."""
+    return np.asarray(errors[~data.fitted_blocks].sum(axis=0))
 
 
 def _errors_of_file(data: TorqueData) -> Array:
     """Squared error of the robot file at each joint in held-out blocks, shape (n,)."""
     found = np.zeros(len(data.joints))
     for run in range(len(data.runs)):
-        unseen = data.counted(run) & ~data.rows_seen(run)[:, None]
-        found += np.sum(np.where(unseen, data.target(run) - data.nominal(run), 0.0) ** 2, axis=0)
+        held_out = data.counted(run) & ~data.fitted_rows(run)[:, None]
+        found += np.sum(np.where(held_out, data.target(run) - data.nominal(run), 0.0) ** 2, axis=0)
     return found
 
 
-def _as_filed(data: TorqueData, before: Hypothesis, joints: Collection[str]) -> Hypothesis:
+def _with_file_at(data: TorqueData, before: Hypothesis, joints: Collection[str]) -> Hypothesis:
     """The hypothesis with the effects and parameters of the robot file at some joints."""
     found = before
     for term in before.terms:
@@ -141,7 +141,7 @@ def _as_filed(data: TorqueData, before: Hypothesis, joints: Collection[str]) -> 
             found = found.without(term)
     names = data.layout.names
     own = [name for name in names if name.split(".")[0] in joints and name.split(".")[1] in OF_FILE]
-    return found.holding({name: float(data.filed[names.index(name)]) for name in own})
+    return found.holding({name: float(data.file_values[names.index(name)]) for name in own})
 
 
 def _standard_at(before: Hypothesis, joints: Collection[str], *, bodies: bool) -> Hypothesis:
@@ -151,5 +151,5 @@ def _standard_at(before: Hypothesis, joints: Collection[str], *, bodies: bool) -
         is_body = bodies and isinstance(term.effect, BodyEffect) and term.effect.place == "link"
         if term.at.split(".")[0] in joints or is_body:
             found = found.without(term)
-    freed = {name for name in found.filed if name.split(".")[0] in joints}
-    return replace(found, filed=found.filed - freed - ({BODIES} if bodies else set()))
+    freed = {name for name in found.from_file if name.split(".")[0] in joints}
+    return replace(found, from_file=found.from_file - freed - ({BODIES} if bodies else set()))

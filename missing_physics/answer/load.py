@@ -1,4 +1,4 @@
-"""The answer with a load on a link, or with links whose mass properties are wrong."""
+"""The answer with a load on a link, or with links that have wrong mass properties."""
 
 from __future__ import annotations
 
@@ -20,20 +20,19 @@ from reference_model.effects.catalogue import get_effect
 __all__ = ["Carried", "carried"]
 
 
-#: A load is named where its hypothesis predicts as well as the one with all bodies estimated, but for this
-#: evidence [nats]: odds of one in twenty.
+#: A load is named if its hypothesis predicts at most this much worse than the one with all bodies estimated
+#: [nats]: odds of one in twenty.
 AS_WELL = 3.0
 
 
 @dataclass(frozen=True)
 class Carried:
-    """What bodies off the robot file's are due to.
+    """Explanation of estimated bodies that differ from the robot file.
 
     Attributes:
         loads: the explanations, most probable first.
-        fit: the most probable hypothesis with the load, where one is the most probable explanation; else with
-            all bodies estimated.
-        safe: the fit with a load as the answer, None where the standard model predicts a joint better.
+        fit: with the load if a load is the most probable explanation, else with all bodies estimated.
+        safe: the guarded fit with a load; None if the standard model predicts a joint better.
     """
 
     loads: tuple[Load, ...]
@@ -42,12 +41,12 @@ class Carried:
 
 
 def carried(found: Search[TorqueData], best: Fit, safe: Fit) -> Carried | None:
-    """The load or the wrong bodies, if more probable than a file that is off as a whole, and if real.
+    """The load or the wrong bodies, if credible and more probable than a generally inaccurate file.
 
     Args:
         found: the search.
         best: the most probable hypothesis.
-        safe: the same as the answer.
+        safe: the guarded fit.
     """
     explained, data = loads(found.data, best, found.shares), found.data
     named = [load for load in explained if load.effect]
@@ -57,10 +56,10 @@ def carried(found: Search[TorqueData], best: Fit, safe: Fit) -> Carried | None:
     if top.effect != LOAD:
         return Carried(explained, safe) if all(is_real(data, safe, body) for body in top.bodies) else None
     term = Term.of(get_effect(top.effect), top.bodies[0], top.values)
-    hypothesis = without_bodies(data, best.hypothesis).filing(BODIES)
+    hypothesis = without_bodies(data, best.hypothesis).taking_from_file(BODIES)
     hypothesis = replace(hypothesis, terms=(*hypothesis.terms, term), accuracy=top.accuracy)
     try:
-        fit = _needed(found, found.settled(fitted(data, hypothesis, best)), term)
+        fit = _without_compensation(found, found.settled(fitted(data, hypothesis, best)), term)
     except np.linalg.LinAlgError:
         return None
     if any(not_credible(t, data.standard.nominal, 0.0) for t in fit.hypothesis.terms if t.key == term.key):
@@ -72,8 +71,8 @@ def carried(found: Search[TorqueData], best: Fit, safe: Fit) -> Carried | None:
     return Carried(explained, fit, guard if guard.fit is fit else None)
 
 
-def _needed(found: Search[TorqueData], fit: Fit, load: Term) -> Fit:
-    """The fit without effects that only made up for the load, whose removal does not lower the score."""
+def _without_compensation(found: Search[TorqueData], fit: Fit, load: Term) -> Fit:
+    """The fit without effects that only compensated for the load and do not improve the score."""
     while True:
         others = [t for t in fit.hypothesis.terms if t.key != load.key and (t.freed or not t.is_given)]
         fewer = [found.settled(fitted(found.data, fit.hypothesis.less(t), fit)) for t in others]

@@ -1,4 +1,4 @@
-"""Where, when and on what the difference between the nominal robot and the recordings depends."""
+"""Localisation of the mismatch between nominal robot and recordings: where, when, and its dependences."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ Array = NDArray[np.float64]
 
 #: Significance level of a residual above the noise.
 BEYOND_NOISE = 0.01
-#: A noise level is an estimate: it may be too low by this factor.
+#: A noise level is an estimate and may be too low by this factor.
 FLOOR_TOLERANCE = 1.15
 #: Bins of a curve, fewest samples of each, and the smallest share of the energy that a curve must explain.
 BINS, FEWEST, WORTH = 20, 5, 0.05
-#: An interval of this part of the recording is listed where its energy is this many times the typical one.
+#: Length of an interval as a fraction of the recording, the multiple of the typical energy from which it is
+#: listed, and most intervals.
 STRETCH, STANDS_OUT, MOST_WINDOWS = 1 / 240, 4.0, 4
 #: Most spectral lines that are listed, and their height relative to their neighbourhood.
 LINES, HEIGHT = 3, 8.0
@@ -34,40 +35,44 @@ EVERYWHERE = 0.5
 
 
 def residual_of(made: Evaluation, rows: Rows) -> Array:
-    """Measured minus predicted where it is compared, zero elsewhere, shape (K, m)."""
-    left = np.column_stack([made.at(rows.time, channel) for channel in rows.channels])
-    return np.where(rows.counted, np.nan_to_num(left), 0.0)
+    """Measured minus predicted where compared, zero elsewhere, shape (K, m)."""
+    residuals = np.column_stack([made.at(rows.time, channel) for channel in rows.channels])
+    return np.where(rows.counted, np.nan_to_num(residuals), 0.0)
 
 
 def located(
     data: TorqueData, robot: Robot, made: Sequence[Evaluation], rows: Sequence[Rows]
 ) -> tuple[Mismatch, ...]:
-    """The difference of each channel, largest share of the energy beyond the noise first.
+    """The mismatch of each channel, largest fraction of the error energy first.
 
     Args:
         data: the rows of all recordings.
         robot: nominal.
-        made: what it predicts of each recording, the fitted ones first.
+        made: its evaluation along each recording, the fitted ones first.
         rows: of each recording.
     """
     fitted = range(data.fitted)
-    left = [residual_of(made[i], rows[i]) for i in fitted]
+    residuals = [residual_of(made[i], rows[i]) for i in fitted]
     floor = np.maximum(list(rows[0].floor.values()), 1e-300)
     count = np.maximum(sum(own.counted.sum(axis=0) for own in rows[: data.fitted]), 1)
-    rms = np.sqrt(sum((r**2).sum(axis=0) for r in left) / count)
+    rms = np.sqrt(sum((r**2).sum(axis=0) for r in residuals) / count)
     beyond = (rms / floor) ** 2
     shares = beyond / max(float(beyond.sum()), 1e-300)
     found = []
     for k in np.argsort(-shares):
         if not any(rows[i].counted[:, k].any() for i in fitted):
             continue
-        p_value = p_value_of(np.concatenate([left[i][rows[i].counted[:, k], k] for i in fitted]), floor[k])
-        found.append(_described(data, robot, rows, [one[:, k] for one in left], int(k), shares[k], p_value))
+        p_value = p_value_of(
+            np.concatenate([residuals[i][rows[i].counted[:, k], k] for i in fitted]), floor[k]
+        )
+        found.append(
+            _described(data, robot, rows, [one[:, k] for one in residuals], int(k), shares[k], p_value)
+        )
     return tuple(found)
 
 
 def p_value_of(residual: Array, floor: float) -> float:
-    """Probability that noise of rms `floor`, known to within the tolerance, gives as large a residual."""
+    """p-value of a residual: probability that noise of rms `floor`, within its tolerance, is as large."""
     if residual.size < FEWEST:
         return 1.0
     centred = residual - residual.mean()
@@ -85,7 +90,7 @@ def _described(
     data: TorqueData,
     robot: Robot,
     rows: Sequence[Rows],
-    left: Sequence[Array],
+    residuals: Sequence[Array],
     k: int,
     share: float,
     p_value: float,
@@ -96,17 +101,17 @@ def _described(
     prismatic = robot.drives[k].kind == "prismatic"
     counted = np.concatenate([own.counted[:, k] for own in rows[: data.fitted]])
     blocks = np.concatenate([np.arange(own.time.size) * 10 // own.time.size for own in rows[: data.fitted]])
-    whole = np.concatenate(list(left))[counted]
+    total = np.concatenate(list(residuals))[counted]
     joined = {name: np.concatenate(parts)[counted] for name, parts in variables.items()}
-    depends = tuple(_dependences(joined, whole, blocks[counted]))
-    windows = _windows(rows[0].time, left[0])
-    lines = _lines(rows[0].time, left[0], rows[0].band.torque)
+    depends = tuple(_dependences(joined, total, blocks[counted]))
+    windows = _windows(rows[0].time, residuals[0])
+    lines = _lines(rows[0].time, residuals[0], rows[0].band.torque)
     words = _words(place, prismatic, share, depends, windows, lines)
     return Mismatch(place, channel, float(share), p_value, windows, depends, lines, words)
 
 
 def _variables(data: TorqueData, robot: Robot, k: int) -> dict[str, list[Array]]:
-    """What the residual of a joint's torque may depend on, in each fitted recording."""
+    """Variables on which the residual of a joint's torque may depend, in each fitted recording."""
     joint, runs = robot.drives[k].name, data.runs[: data.fitted]
     kept = [run.motion.kept for run in runs]
     return {
@@ -126,7 +131,7 @@ def _dependences(
             continue
         bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
         curve = np.zeros(residual.size)
-        for half in (0, 1):  # each half is predicted by the curve of the other
+        for half in (0, 1):  # each half is predicted by the curve of the other one
             here = blocks % 2 == half
             counts = np.bincount(bins[~here], minlength=edges.size - 1)
             means = np.bincount(bins[~here], residual[~here], edges.size - 1) / np.maximum(counts, 1)
@@ -135,8 +140,8 @@ def _dependences(
         share = 1.0 - float(np.sum((residual - curve) ** 2) / max(float(np.sum(residual**2)), 1e-300))
         energy = np.bincount(bins, curve**2, edges.size - 1)
         order = np.argsort(-energy)
-        enough = order[: int(np.searchsorted(np.cumsum(energy[order]), 0.7 * energy.sum())) + 1]
-        extent = float(edges[enough.min()]), float(edges[enough.max() + 1])
+        largest = order[: int(np.searchsorted(np.cumsum(energy[order]), 0.7 * energy.sum())) + 1]
+        extent = float(edges[largest.min()]), float(edges[largest.max() + 1])
         everywhere = name == "time" and extent[1] - extent[0] > EVERYWHERE * float(np.ptp(values))
         if share > WORTH and not everywhere:
             found.append(Dependence(name, extent, share))

@@ -1,4 +1,4 @@
-"""The samples of the recordings that are compared, and the noise level of the sensors there."""
+"""The samples of the recordings that are compared, and the sensor noise in them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
 from robot_model import Recording, Robot, unit_of
 
-__all__ = ["compared_rows", "punctual", "series_of"]
+__all__ = ["compared_rows", "series_of", "without_delay"]
 
 Array = NDArray[np.float64]
 
@@ -27,8 +27,8 @@ def compared_rows(data: TorqueData) -> tuple[Rows, ...]:
         data: the rows of all recordings.
     """
     channels = tuple(f"{joint}.torque" for joint in data.joints)
-    fitted = data.counts[data.seen].sum(axis=0) > 0.0
-    each = [np.hypot(run.rows.noise, run.rows.shaken) for run in data.runs]  # no robot file predicts these
+    fitted = data.counts[data.fitted_blocks].sum(axis=0) > 0.0
+    each = [np.hypot(run.rows.noise, run.rows.shaken) for run in data.runs]  # not predicted by any robot file
     noise = np.sqrt(np.mean(np.square(each), axis=0))
     found = []
     for i, run in enumerate(data.runs):
@@ -36,21 +36,21 @@ def compared_rows(data: TorqueData) -> tuple[Rows, ...]:
         band = Band(motion.cutoff, motion.smoothing, tuple(data.standard.weights.rest))
         counted = run.rows.counted & fitted
         found.append(
-            Rows(channels, noise, run.rows.time, ~data.rows_seen(i), counted, band, error=data.error)
+            Rows(channels, noise, run.rows.time, ~data.fitted_rows(i), counted, band, error=data.error)
         )
     return tuple(found)
 
 
-def punctual(robot: Robot, recording: Recording, late: float) -> Recording:
-    """The recording with each joint's torque, current or voltage as it was `late` [s] later."""
+def without_delay(robot: Robot, recording: Recording, delay: float) -> Recording:
+    """The recording with each joint's torque, current or voltage advanced by `delay` [s]."""
     moved = {}
     for joint in robot.drives:
         channel = actuator_torque(robot, recording, joint.name)[0]
-        if channel is None or late == 0.0:
+        if channel is None or delay == 0.0:
             continue
         good = np.isfinite(recording[channel])
         time, values = recording.time[good], recording[channel][good]
-        instants = np.clip(recording.time + late, time[0], time[-1])
+        instants = np.clip(recording.time + delay, time[0], time[-1])
         moved[channel] = np.where(good, make_interp_spline(time, values, k=3)(instants), np.nan)
     return recording.with_channels(moved) if moved else recording
 

@@ -19,7 +19,7 @@ QUANTILE = 1.96
 
 
 def unnamed(data: TorqueData, fit: Fit) -> Iterator[Unnamed]:
-    """Forces of the answer that no effect of the catalogue explains, and that lower held-out errors."""
+    """Unnamed forces of the answer that reduce held-out errors."""
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
             left, share = _share(data, fit, term)
@@ -60,9 +60,9 @@ def _unnamed(
 
 
 def _share(data: TorqueData, fit: Fit, term: Term) -> tuple[float, float]:
-    """rms of the held-out error without the force [N m or N], and the part of its energy it removes."""
+    """rms of the held-out error without the force [N m or N], and the fraction of its energy removed."""
     without = fitted(data, fit.hypothesis.less(term), fit)
-    k, unseen = data.joints.index(term.at), ~data.seen
-    count = max(float(data.counts[unseen, k].sum()), 1.0)
-    before, after = (float(one.errors[unseen, k].sum()) for one in (without, fit))
+    k, held_out = data.joints.index(term.at), ~data.fitted_blocks
+    count = max(float(data.counts[held_out, k].sum()), 1.0)
+    before, after = (float(one.errors[held_out, k].sum()) for one in (without, fit))
     return float(np.sqrt(before / count)), 1.0 - after / max(before, 1e-300)

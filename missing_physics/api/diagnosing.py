@@ -53,7 +53,7 @@ class Answer:
 
     @property
     def verdict(self) -> str:
-        """One of `missing_physics.results.result.Verdict`, as ``explained`` or ``not_enough_data``."""
+        """One of `missing_physics.results.result.Verdict`, such as ``explained`` or ``not_enough_data``."""
         return self.result.diagnosis.verdict
 
     @property
@@ -77,7 +77,7 @@ class Answer:
         """Recorded, nominal and augmented series over time, and their residuals, as a Plotly figure.
 
         Args:
-            channel: as ``joint1.torque``; left out, the most informative one.
+            channel: such as ``joint1.torque``; by default the most informative one.
 
         Raises:
             InputError: nothing was compared, or not that channel.
@@ -125,16 +125,16 @@ def diagnose(
     Args:
         robot: as for `load_robot`.
         recordings: to fit; one or a list, each as for `load_recording`.
-        validate: only scored, never fitted; one or a list. Left out, stretches of `recordings` are held out.
+        validate: only scored, never fitted; one or a list. By default stretches of `recordings` are held out.
         overlay: as for `load_robot`.
         map: for recordings that are given as files or tables, as for `load_recording`.
-        cutoff: of the low-pass filter [Hz]; found from the data when left out.
-        as_recorded: go on although channels contradict each other or the motion.
+        cutoff: of the low-pass filter [Hz]; found from the data when None.
+        as_recorded: continue even if channels contradict each other or the motion.
         seed: of all random numbers.
         size_limit: of each file's variables in memory [bytes].
-        rate: sample rate to which recordings are decimated, with an anti-alias filter [Hz]; left out,
-            recordings with more samples than a diagnosis takes are decimated to that, with a `UserWarning`.
-        progress: True prints the present step to stderr; a function is called with a phrase for each step.
+        rate: sampling rate to which recordings are decimated, with an anti-alias filter [Hz]; when None,
+            only recordings with too many samples for a diagnosis are decimated, with a `UserWarning`.
+        progress: True prints the current step to stderr; a function is called with a phrase for each step.
 
     Returns:
         The answer, which is the same for the same inputs and seed.
@@ -170,9 +170,11 @@ def diagnose(
 
 def with_doubts(result: Result, doubts: Sequence[Problem]) -> Result:
     """A result whose diagnosis lists doubts about its premises, without notes."""
-    said = (f"{doubt.sentence}." for doubt in doubts if doubt.severity != "note")
+    sentences = (f"{doubt.sentence}." for doubt in doubts if doubt.severity != "note")
     diagnosis = result.diagnosis
-    return replace(result, diagnosis=replace(diagnosis, could_not_tell=(*said, *diagnosis.could_not_tell)))
+    return replace(
+        result, diagnosis=replace(diagnosis, could_not_tell=(*sentences, *diagnosis.could_not_tell))
+    )
 
 
 def _warn(sentence: str) -> None:

@@ -23,7 +23,7 @@ from missing_physics.diagnosis import (
     prepared,
     reason_words,
 )
-from missing_physics.drafting.names import is_asked
+from missing_physics.drafting.names import is_commanded
 from missing_physics.premises import premise_findings
 from missing_physics.recordings import (
     SIZE_LIMIT,
@@ -52,7 +52,7 @@ MOTION = ("no_motion", "one_direction", "no_torque", "torque_constant", "left_ou
 
 @dataclass(frozen=True, repr=False)
 class Inspection:
-    """What is in a recording.
+    """The result of an inspection.
 
     Attributes:
         content: source, samples, duration_s, sample_rate_hz, channels, motion, can_tell, cannot_tell,
@@ -102,14 +102,14 @@ def inspect(
 
     Args:
         recording: a file, as for `load_recording`, a table in memory or a `Recording`.
-        robot: as for `load_robot`; then its limits and its dynamics are weighed.
+        robot: as for `load_robot`; if given, its limits and dynamics are compared with the recording.
         map: as for `load_recording`.
         overlay: as for `load_robot`.
         size_limit: of a file's variables in memory [bytes].
 
     Raises:
-        InputError: the recording or the robot cannot be read. What is wrong inside of it is no error but one
-            of `problems`.
+        InputError: the recording or the robot cannot be read. Errors in its content are reported as
+            `problems`.
         OutOfMemoryError: the machine has too little memory.
     """
     model = None if robot is None else load_robot(robot, overlay=overlay)
@@ -122,7 +122,7 @@ def inspect(
         data = load_recording(recording, map=mapping, check=False)
     sliding = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
     findings, covered = _findings(data, model)
-    findings = (*findings, *_asked(mapping))
+    findings = (*findings, *_command_findings(mapping))
     prismatic = sliding.union(mapping.prismatic if mapping else ())
     content = _report(data, prismatic=prismatic, covered=covered)
     content["findings"] = [asdict(finding) for finding in findings]
@@ -145,9 +145,9 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
         stops = Finding("warning", "robot", "time", f"a diagnosis with this robot stops: {error}")
         return (*found, stops), None
     covered = coverage(model, ready.recordings, ready.dynamics, fitted=1, dead=ready.dead)
-    # with a robot the motion is judged as in a diagnosis
-    said = {("dead", channel) for channel in ready.dead}
-    others = (f for f in found if f.kind not in MOTION and (f.kind, f.channel) not in said)
+    # With a robot the motion is judged as in a diagnosis.
+    reported = {("dead", channel) for channel in ready.dead}
+    others = (f for f in found if f.kind not in MOTION and (f.kind, f.channel) not in reported)
     wrong = contradictions(model, ready.recordings[0], ready.dynamics[0])
     blamed = {correction.channel for finding in wrong for correction in finding.corrections}
     taken = (f for f in premise_findings(model, ready.recordings[0]) if f.channel not in blamed)
@@ -156,18 +156,20 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
     return tuple(sorted(every, key=lambda finding: SEVERITIES.index(finding.severity))), covered
 
 
-def _asked(mapping: Mapping | None) -> Iterator[Finding]:
-    """Findings of torques whose source columns are commands by their names."""
+def _command_findings(mapping: Mapping | None) -> Iterator[Finding]:
+    """Findings of torques whose source columns are named like commands."""
     sources = {} if mapping is None else {name: own.source for name, own in mapping.channels.items()}
-    asked = {n: s for n, s in sources.items() if n.endswith(".torque") and s is not None and is_asked(s)}
-    if asked:
-        pairs = ", ".join(f"{name} from '{source}'" for name, source in asked.items())
+    commands = {
+        n: s for n, s in sources.items() if n.endswith(".torque") and s is not None and is_commanded(s)
+    }
+    if commands:
+        pairs = ", ".join(f"{name} from '{source}'" for name, source in commands.items())
         yield Finding(
             "note",
             "command",
-            next(iter(asked)),
-            f"{pairs}: by the name{'s' * (len(asked) > 1)} of what was asked for, not of what was measured; "
-            "what the drive makes of it (lag, gain, saturation) counts as missing physics.",
+            next(iter(commands)),
+            f"{pairs}: by the name{'s' * (len(commands) > 1)} of what was asked for, not of what was "
+            "measured; what the drive makes of it (lag, gain, saturation) counts as missing physics.",
         )
 
 
@@ -194,7 +196,7 @@ def _report(
     Args:
         recording: the recording.
         prismatic: joints whose positions are lengths.
-        covered: what a diagnosis can judge, where a robot is given.
+        covered: coverage by a diagnosis, if a robot is given.
     """
     noise, resolution = estimate_noise(recording), estimate_resolution(recording)
     can, cannot = outlook(recording, not_judged=_not_judged(covered))
@@ -223,13 +225,13 @@ def _report(
 
 
 def _not_judged(covered: Coverage | None) -> dict[str, str]:
-    """For each joint that cannot be judged, the sentence that says why."""
+    """For each joint that cannot be judged, the sentence with the reason."""
     reasons = {} if covered is None else covered.not_judged
     return {name: reason_words(reason, names) for reason, names in reasons.items() for name in names}
 
 
 def _plain(value: Any) -> Any:
-    """Plain JSON values; what is not a finite number becomes null."""
+    """Plain JSON values; numbers that are not finite become null."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

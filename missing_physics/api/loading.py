@@ -23,15 +23,15 @@ def load_robot(robot: RobotLike, *, overlay: PathLike | None = None) -> Robot:
 
     Args:
         robot: file (TOML, URDF, xacro or MJCF) or name of a shipped robot; a `Robot` is returned unchanged.
-        overlay: TOML file whose keys override those of the robot: what a URDF or MJCF file cannot hold.
-            Left out, ``NAME.overlay.toml`` next to such a file, where there is one.
+        overlay: TOML file whose keys override those of the robot, such as what a URDF or MJCF file cannot
+            hold. By default ``NAME.overlay.toml`` next to such a file, if it exists.
 
     Returns:
         The robot, in SI units. Parts of its file that are ignored are reported as a `UserWarning`.
 
     Raises:
-        InputError: no such file or robot; a key or value that cannot be, with its place; an overlay for a
-            robot that was read already.
+        InputError: no such file or robot; an invalid key or value, with its place; an overlay for a robot
+            that is already loaded.
     """
     if isinstance(robot, Robot):
         if overlay is not None:
@@ -58,13 +58,13 @@ def load_recording(
         source: file (CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag; ``FILE[0:12]`` is a part, in seconds);
             a data frame of pandas, polars or PyArrow; a Dataset of xarray; a dictionary of arrays of shape
             (N,). A `Recording` is returned unchanged.
-        map: mapping, or its file (TOML), where columns do not have native names as ``joint1.position``. Left
-            out, ``NAME.map.toml`` next to a file, where there is one.
-        units: of columns of a table that are not in SI units, as ``{"time": "ms",
+        map: mapping, or its file (TOML), if columns do not have native names such as ``joint1.position``. By
+            default ``NAME.map.toml`` next to a file, if it exists.
+        units: of columns of a table that are not in SI units, such as ``{"time": "ms",
             "joint1.position": "deg"}``.
-        robot: if known, its gear ratios and limits are weighed in the check.
-        check: refuse channels that contradict each other, as degrees that are given as radians.
-        size_limit: what a file's variables may take in memory [bytes].
+        robot: if given, the check uses its gear ratios and limits.
+        check: refuse channels that contradict each other, such as degrees given as radians.
+        size_limit: of a file's variables in memory [bytes].
 
     Returns:
         Channels of shape (N,) in SI units over `time` [s].
@@ -85,7 +85,7 @@ def load_recording(
 
 
 def map_of(map: MapLike | None) -> Mapping | None:
-    """The mapping, read where its file is given. Raises `InputError` where the file is none."""
+    """The mapping, read if its file is given. Raises `InputError` if there is no such file."""
     return load_mapping(map) if isinstance(map, str | os.PathLike) else map
 
 

@@ -18,11 +18,11 @@ def simulate(
     seed: int = 0,
     truth: bool = False,
 ) -> Recording:
-    """Run the reference motion of a robot, and record what its sensors see.
+    """Run the reference motion of a robot, and record what its sensors measure.
 
     Args:
         robot: as for `load_robot`.
-        engine: ``reference`` or ``exudyn``; they share the robot's description and nothing else.
+        engine: ``reference`` or ``exudyn``; they share only the robot's description.
         overlay: as for `load_robot`.
         seed: of the sensors' noise.
         truth: return every channel without errors instead of the sensors' recordings.
@@ -31,7 +31,7 @@ def simulate(
         Channels of shape (N,) in SI units over `time` [s].
 
     Raises:
-        InputError: a robot that cannot be read or run; an engine of another name.
+        InputError: the robot cannot be read or run, or there is no such engine.
     """
     model = load_robot(robot, overlay=overlay)
     if engine == "exudyn":

@@ -1,4 +1,4 @@
-"""Decimation of recordings with more samples than a diagnosis takes."""
+"""Decimation of recordings with more samples than a diagnosis accepts."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def thinned(
     rate: float | None = None,
     tell: Callable[[str], object] = print,
 ) -> list[Recording]:
-    """The recordings, decimated to as many samples as a diagnosis of the robot takes.
+    """The recordings, decimated to as many samples as a diagnosis of the robot accepts.
 
     Args:
         robot: its number of joints sets the limit; the noise of its sensors is reduced by the filter.
         recordings: of any length.
-        rate: wanted sample rate [Hz]; the highest one that fits when left out.
+        rate: wanted sampling rate [Hz]; the highest possible one when None.
         tell: called with a sentence for each decimated recording.
 
     Raises:
-        InputError: a rate that is not positive, or at which there are too many.
+        InputError: a rate that is not positive, or that leaves too many samples.
     """
     if rate is not None and not rate > 0.0:
         raise InputError(f"the rate is {rate:g} Hz; it must be positive.")

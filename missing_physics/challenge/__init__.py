@@ -1,8 +1,8 @@
-"""The blind proof: conceal, seal, diagnose, open, score.
+"""Blind challenge: conceal, seal, diagnose, open, score.
 
-`draws` draws what is hidden in the `cases`, `concealing` makes their folders, `seals` locks the truth away,
-`processes` lets the diagnosis answer where as little else as possible can be seen, `scoring` opens and
-counts. `course` does all of it, and goes on where it was interrupted.
+`draws` draws the hidden physics of the `cases`, `concealing` generates their files, `seals` encrypts the
+truth, `processes` runs the diagnosis in isolation, and `scoring` compares the answers with the truth.
+`course` runs all of these, and resumes an interrupted challenge.
 """
 
 from missing_physics.challenge.course import Settings, run, show

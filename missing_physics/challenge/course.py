@@ -1,4 +1,4 @@
-"""All of a challenge: conceal, seal, diagnose, open, score; going on where an earlier run stopped."""
+"""Run a challenge: conceal, seal, diagnose, open, score; an interrupted challenge is resumed."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ from robot_model import InputError, write_atomically
 
 __all__ = ["Settings", "program", "run", "show"]
 
-#: What to do when the machine refuses something.
+#: Advice if the disk or the memory is full.
 CORRECT_IT = "What is finished is kept: correct that and run the same command again."
 Files = Mapping[str, bytes]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """A challenge.
+    """Settings of a challenge.
 
     Attributes:
         seed: number of the first case.
-        cases: how many.
-        folder: where everything is written.
-        workers: processes at a time on this machine; 0 for one per core.
+        cases: number of cases.
+        folder: output folder.
+        workers: number of parallel processes on this machine; 0 for one per core.
         scheduler: address of a dask scheduler to use instead.
-        tell: called with a phrase and the share that is done.
-        say: called with sentences that a witness may want to write down.
+        tell: progress callback, called with a phrase and the fraction that is done.
+        say: called with the fingerprints that a witness may want to write down.
     """
 
     seed: int
@@ -61,11 +61,11 @@ class Settings:
 
 
 def run(settings: Settings) -> Report:
-    """Carry the challenge out, or what an earlier run left of it.
+    """Run the challenge, or what remains of an earlier run.
 
     Raises:
-        InputError: the folder holds another challenge, somebody changed a case, a key or an answer, or the
-            disk refuses.
+        InputError: the folder contains another challenge, a case, a key or an answer was changed, or the
+            disk is full.
     """
     if settings.cases < 1 or settings.seed < 0:
         raise InputError("a challenge needs at least one case and a seed that is not negative.")
@@ -73,7 +73,7 @@ def run(settings: Settings) -> Report:
     truth = draw_truth(settings.seed, settings.cases)
     store = Store(settings.folder)
     with store.locked():
-        # What was answered before the seal was opened stays; how it is counted may be corrected.
+        # Answers given before the seal was opened are final; the scoring program may be corrected.
         answered = store.path("opened.json").exists()
         identity = {"schema": SCHEMA, "truth_sha256": commitment(truth), "program": program()}
         store.claim(identity, free=("program",) if answered else ())
@@ -85,9 +85,9 @@ class _Challenge:
     def __init__(self, settings: Settings, store: Store, truth: Truth) -> None:
         self.settings, self.store, self.truth = settings, store, truth
         self.designs = {design.name: design for design in truth.designs}
-        self.names = sorted(self.designs)  # alphabetical: in no relation to the numbers
+        self.names = sorted(self.designs)  # alphabetical, hence unrelated to the case numbers
         self.sources = sources()
-        #: Of this truth, this program and this run, on a scheduler that has others too.
+        #: Unique to this truth, program and run, since a scheduler may serve several.
         self.tag = digest(f"{commitment(truth)} {program()} {secrets.token_hex(16)}".encode())[:16]
         self.key = new_key()  # in this process's memory only, until the answers are on disk
 
@@ -101,14 +101,14 @@ class _Challenge:
         return self._report()
 
     def _made(self) -> Iterator[str]:
-        """Names of the cases that could be made."""
+        """Names of the cases that could be generated."""
         for name in self.names:
             entry = self.store.record(Made, "manifest", f"{name}.json")
             if entry is not None and entry.status == "done":
                 yield name
 
     def _work(self, step: Step, waiting: list[str], files: Callable[[str], Files]) -> Iterator[Any]:
-        """Outcomes of a step, with progress; none in which a full machine or a changed program had a part."""
+        """Outcomes of a step; a full disk or memory, or a changed program, raises `InputError`."""
         work = Work(
             step,
             hidden=[str(self.store.folder.resolve())],
@@ -131,7 +131,7 @@ class _Challenge:
         if names:
             raise InputError(
                 f"the program was changed while it ran ({', '.join(names)}). What was finished before is "
-                "kept: undo the change and run the same command again, or begin anew with another --out."
+                "kept: undo the change and run the same command again, or begin again with another --out."
             )
 
     def _conceal(self) -> None:
@@ -150,18 +150,18 @@ class _Challenge:
             self.store.write(entry, "manifest", f"{name}.json")
 
     def _exact(self, name: str) -> Path:
-        """The sealed motion without sensors: spares a second simulation if this run comes to its end."""
+        """The sealed recordings without sensors, which save simulating the case again for the score."""
         return self.store.path("sealed", f"{name}.bin")
 
     def _seal(self) -> None:
-        """Seal the truth under a fresh key and write its fingerprint down before anything is diagnosed."""
+        """Encrypt the truth with a new key and record its fingerprint before anything is diagnosed."""
         known = self.store.record(Sealed, "seal.json")
         if known is None:
             answers = [self.store.path("answers", name) for name in self.names]
             if any(path.exists() for path in (*answers, self.store.path("answers.json"))):
                 raise InputError(
-                    f"{self.store.path('seal.json')} is missing, though there are answers, so that nobody "
-                    "can tell what was sealed before them; begin a new challenge with another --out."
+                    f"{self.store.path('seal.json')} is missing, though there are answers, so that "
+                    "one cannot prove what was sealed before them; begin a new challenge with another --out."
                 )
             known = Sealed(cases_sha256=cases_fingerprint(self.store, self.names))
         check_cases(self.store, self.names, known)
@@ -200,7 +200,7 @@ class _Challenge:
         self.store.keep("answers", name, {**outcome.files, "answer.json": text})
 
     def _answer(self, name: str) -> dict[str, bytes] | None:
-        """The files of an answer, checked; None where there is none yet."""
+        """The files of an answer, checked; None if there is none yet."""
         facts = self.store.record(Answer, "answers", name, "answer.json")
         if facts is None:
             return None
@@ -208,15 +208,15 @@ class _Challenge:
         return {**files, "answer.json": self.store.path("answers", name, "answer.json").read_bytes()}
 
     def _open(self) -> None:
-        """Write down what was answered, then open what was sealed and compare it with what was promised."""
+        """Record the fingerprints of the answers, then decrypt the truth and check its fingerprint."""
         self._check_program()
         answers = {name: self._fingerprint(name) for name in self._made()}
         before = self.store.record(Answers, "answers.json")
-        if before is not None and before.answers != answers:  # an earlier run came as far as this
+        if before is not None and before.answers != answers:  # an earlier run reached this point
             names = sorted(n for n in {*answers, *before.answers} if answers.get(n) != before.answers.get(n))
             raise InputError(
-                f"{self.store.path('answers', names[0])} is not what {self.store.path('answers.json')} "
-                "tells of it; begin a new challenge with another --out."
+                f"{self.store.path('answers', names[0])} does not match its fingerprint in "
+                f"{self.store.path('answers.json')}; begin a new challenge with another --out."
             )
         self.store.write({"answers": answers}, "answers.json")
         total = digest(self.store.path("answers.json").read_bytes())
@@ -272,7 +272,7 @@ class _Challenge:
             raise kind("\n".join(words for _, words in refused))
 
     def _scored(self) -> dict[str, str]:
-        """Fingerprints of the scores that this program has written, checked; those of another are removed."""
+        """Fingerprints of the scores by this program, checked; those by another version are removed."""
         scoring = self.store.record(Scoring, "scoring.json")
         if scoring is None or scoring.program != program():
             shutil.rmtree(self.store.path("scores"), ignore_errors=True)
@@ -287,7 +287,7 @@ class _Challenge:
         assert answer is not None
         files = {**_design_file(self.designs[name]), **answer, **self._case(name)}
         path, key = self._exact(name), bytes.fromhex(self.store.expected(Opened, "opened.json").key)
-        with suppress(InputError, OSError):  # sealed by an earlier run, whose key is gone: simulated again
+        with suppress(InputError, OSError):  # sealed by an earlier run, whose key is lost: simulated again
             files[EXACT] = unseal(path.read_bytes(), key, what=str(path))
         return files
 
@@ -322,7 +322,7 @@ class _Challenge:
         }
 
     def _isolation(self) -> str:
-        """What the processes that answered said of themselves, each kind with the number of its cases."""
+        """Isolation reported by the diagnosing processes, with the number of cases of each kind."""
         answers = (self.store.expected(Answer, "answers", name, "answer.json") for name in self._made())
         kinds = Counter(answer.isolation for answer in answers)
         if len(kinds) < 2:
@@ -334,7 +334,7 @@ def show(folder: Path, number: int) -> Path:
     """Diagnose one case of an opened challenge again, with its report and `comparison.rrd`.
 
     Returns:
-        The folder that holds them.
+        The folder of the results.
 
     Raises:
         InputError: the challenge is not opened yet, has no such case, or the case cannot be diagnosed.

@@ -1,7 +1,7 @@
-"""One case of the flexible space robot, drawn from a seed: dry friction in one of its joints.
+"""One case of the flexible space robot, drawn from a seed: dry friction in one joint.
 
-Its base floats, its second link bends with a load at its end, and nothing but encoders and torques shows what
-the joints do.
+Its base floats, its second link bends and carries a load at its tip, and only joint encoders and torques are
+recorded.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ __all__ = ["ROBOT", "case_files", "draw_case"]
 ROBOT = "flexible_space_robot"
 #: Length [s] and samples per second [Hz] of a recording.
 DURATION, RATE = 12.0, 200.0
-#: Largest time step of the simulation [s]: half a sample. Positions then err by a sixth of their encoders'
-#: noise (3e-7 of 2e-6 rad), torques by an eighth of theirs.
+#: Largest time step of the simulation [s]: half a sample. Position errors are then a sixth of the encoder
+#: noise (3e-7 of 2e-6 rad), torque errors an eighth of the torque noise.
 STEP = 2.5e-3
-#: Friction that the robot file describes at both joints [N m s/rad], and what may be hidden at one [N m].
+#: Ranges of the viscous friction in the robot file [N m s/rad] and of the hidden friction [N m].
 DESCRIBED = (15.0, 40.0)
 TORQUE = (4.0, 14.0)
 STRIBECK_VELOCITY = (0.006, 0.02)
 
 
 def draw_case(seed: int) -> Design:
-    """The case of that seed; the same one every time."""
+    """The case of that seed, reproducibly."""
     d = Draw(np.random.default_rng([seed, 19]))
     robot = _described(load_robot(ROBOT), d)
     joint = robot.moving_joints[int(d.chance.integers(len(robot.moving_joints)))].name
@@ -51,10 +51,10 @@ def draw_case(seed: int) -> Design:
 
 
 def _described(robot: Robot, d: Draw) -> Robot:
-    """What the diagnosis gets: the robot without its friction laws, with some damping and another motion."""
+    """Nominal robot: viscous friction instead of the shipped friction laws, and another motion."""
     joints = [joint.name for joint in robot.moving_joints]
     damping = tuple(_use("viscous_friction", at, {"coefficient": d.decades(*DESCRIBED)}) for at in joints)
-    # Joints' encoders and torques only: nothing else is used of a robot with flexible links.
+    # Joint encoders and torques only: the diagnosis of flexible links uses no others.
     sensors = tuple(sensor for sensor in robot.sensors if sensor.channel.split(".")[0] in joints)
     changes = {"effects": damping, "reference": _reference(robot, d), "sensors": sensors, "description": ""}
     return robot.model_copy(update=changes)
@@ -84,7 +84,7 @@ def _use(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:
 
 
 def case_files(design: Design) -> dict[str, bytes]:
-    """Robot file and both recordings of a case, the two simulated side by side."""
+    """Robot file and both recordings of a case, simulated in parallel."""
     robots = [design.real, design.real.model_copy(update={"reference": design.validation})]
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         made = list(pool.map(_exact, [robot.model_dump_json() for robot in robots]))

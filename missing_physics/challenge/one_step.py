@@ -1,9 +1,9 @@
-"""One step of one case in this process, diagnosis excepted.
+"""One step of one case, except the diagnosis, in this process.
 
     python -m missing_physics.challenge.one_step conceal|score PARENT
 
-reads its files as a parcel from standard input and writes what it makes to standard output, so that what is
-hidden lies in no file on the way.
+reads packed files from standard input and writes its results to standard output, so that the hidden
+physics is never written to a file.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from robot_model import InputError, lacks_room
 
 __all__ = ["end_with", "main"]
 
-#: How often it is looked whether the challenge is still there [s]; on Linux its kernel says so at once.
-LOOKS = 0.5
+#: Interval for checking whether the parent process still runs [s]; on Linux the kernel signals its end.
+CHECK_INTERVAL = 0.5
 
 
 def end_with(parent: int) -> None:
-    """From now on this process ends when the one that started it has ended, however it did.
+    """End this process as soon as its parent has ended for whatever reason.
 
     Args:
-        parent: its number as it stated it, since it may be gone by now.
+        parent: process id of the parent as passed by it, since the parent may have ended by now.
     """
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(LOOKS)
+            time.sleep(CHECK_INTERVAL)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
 
 
 def main(step: str, parent: int) -> int:
-    """Carry out one step for the process of that number; exit code as of the command line."""
+    """Carry out one step for that parent process and return the exit code."""
     end_with(parent)
-    with os.fdopen(os.dup(1), "wb") as told:
-        os.dup2(2, 1)  # what libraries print must not get in between
+    with os.fdopen(os.dup(1), "wb") as output:
+        os.dup2(2, 1)  # output printed by libraries must not mix with the result
         try:
-            told.write(packed(_made(step, unpacked(sys.stdin.buffer.read()))))
+            output.write(packed(_made(step, unpacked(sys.stdin.buffer.read()))))
         except Exception as error:
             if lacks_room(error):
                 print(str(error) or "too little memory", file=sys.stderr)

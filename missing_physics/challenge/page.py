@@ -14,38 +14,38 @@ from missing_physics.challenge.scoring.shares import FEW, NEAR, Gap, Goal, Share
 from missing_physics.challenge.scoring.shortfalls import shortfalls
 from missing_physics.challenge.scoring.summary import Row, Summary, summary_of
 
-__all__ = ["case_line", "falls_short", "interval", "markdown", "percent", "proper", "wanted"]
+__all__ = ["case_line", "falls_short", "interval", "markdown", "percent", "proper_scores", "wanted"]
 
 INTRODUCTION = """\
-Each case is drawn from its number (version {version} of the draws): a shipped robot with other masses,
-lengths, friction and gains, two motions, a controller, sensors, what its file says and leaves out, how its
-torque is recorded, and something left out of the robot file. Exudyn moves the real robot; the diagnosis,
+Each case is drawn from its number (version {version} of the draws): a shipped robot with modified masses,
+lengths, friction and gains, two motions, a controller, sensors, the contents of its file, the way in which
+its torque is recorded, and physics that its file omits. Exudyn simulates the real robot; the diagnosis,
 which uses the other engine, gets the robot file and the two recordings and nothing else
-({isolation}). The truth was sealed before the first diagnosis and opened after the last answer was on disk.
-Every number below is counted by the program from the answers as they are; a goal that is missed says so."""
+({isolation}). The truth was encrypted before the first diagnosis and decrypted after the last answer.
+All numbers below are computed by the program from these answers; missed goals are marked."""
 IDENTIFIABLE = """\
-`identifiable` is judged from the true model's Fisher information alone: what the effect does must stand out
+`identifiable` is judged from the true model's Fisher information alone: the effect must stand out
 from the sensors' noise after credible errors of the nominal robot and the nearest effect that is no less
-simple have taken over what they can. Of {cases} hidden effects {clear} are."""
+simple have explained as much of it as they can. Of {cases} hidden effects {clear} are identifiable."""
 IMPROVEMENT = """\
 The median answer reaches {share} of the true model's improvement of the held-out error, both simulated in
 closed loop."""
-UNRUN = " Of the cases counted {count} have no answer, or one that cannot be run: counted as missed."
+UNRUN = " {count} of these cases have no answer, or one that cannot be simulated; they count as missed."
 SHORT = """\
 {missed} The cases are listed below; docs/challenge.md describes how they are drawn and counted. {scored}
 One case is made, diagnosed and scored again, from nothing but its number N, by
 `missing-physics challenge --cases 1 --seed N --out DIR`."""
 CALIBRATION = """\
-Tenths with fewer than {few} findings do not count for the goal of {near:.0%}. `told` is what Wilson's
-interval says: `near` or `far` where it lies wholly within or beyond {near:.0%} of the mean statement. Ten
-findings tell only what is far off; to tell that all is near takes a hundred and more."""
+Deciles with fewer than {few} findings do not count for the goal of {near:.0%}. The last column is `near` or
+`far` if Wilson's interval lies wholly within or beyond {near:.0%} of the mean stated probability. Ten
+findings show only large deviations; to prove small ones takes more than a hundred."""
 PROPER = """\
-Per case, over all effects at places that the answer mentions or that are there: logarithmic score
+Per case, over all effects at places that the answer mentions or that are hidden: logarithmic score
 {log:.3f} nats (0 is perfect; probabilities count as at least {floor:g}), Brier score {brier:.3f}."""
 BASELINES = """\
-Single identifiable effects; `none` and `foreign` cases for silence. The error is the median rms of the
-held-out torque over the sensors' noise, along the exact motion, which the simpler methods are given and the
-diagnosis is not."""
+Single identifiable effects; `none` and `foreign` cases for no finding. The error is the median rms of the
+held-out torque relative to the sensors' noise, along the exact motion, which the simpler methods are given
+and the diagnosis is not."""
 
 
 def markdown(report: Report, *, command: str, environment: str) -> str:
@@ -53,7 +53,7 @@ def markdown(report: Report, *, command: str, environment: str) -> str:
 
     Args:
         report: a scored challenge.
-        command: what makes it again.
+        command: the command that reproduces it.
         environment: date, versions and machine, in one sentence.
     """
     found = summary_of(report)
@@ -71,8 +71,8 @@ def markdown(report: Report, *, command: str, environment: str) -> str:
         "## Robots\n\n" + _rows("robot", found.robots),
         "## Conditions\n\n" + _rows("condition", found.conditions),
         "## Named against hidden (single effects)\n\n" + _confusion(found),
-        "## Stated probability against share right\n\n" + _calibration(found) + "\n\n" + proper(found),
-        "## Beside simpler methods\n\n" + _baselines(found),
+        "## Stated probability against share right\n\n" + _calibration(found) + "\n\n" + proper_scores(found),
+        "## Comparison with simpler methods\n\n" + _baselines(found),
         "## Cases that failed\n\n" + _failures(report, found),
         "## What was missed\n\n" + _shortfalls(report),
         "## Seal\n\n" + _table(["", ""], [[k, f"`{v}`"] for k, v in report.facts.items()]),
@@ -85,13 +85,13 @@ def _seeds(report: Report) -> str:
     kind = "kept for scoring" if is_kept_for_scoring(first) else "for development, so that they prove nothing"
     last = first + report.facts["cases"] - 1
     before = [(own, day) for own, day in SCORED if own[0] < first]
-    told = [f"{own[0]} to {own[-1]} (on {day})" for own, day in before]
-    scored = f" Scored before, and used up: {', '.join(told)}." if told else ""
+    used = [f"{own[0]} to {own[-1]} (on {day})" for own, day in before]
+    scored = f" Scored before, and used up: {', '.join(used)}." if used else ""
     return f"Cases {first} to {last}: numbers {kind}.{scored}"
 
 
 def falls_short(report: Report, found: Summary) -> str:
-    """Which goals are missed, where the reasons are, how often was scored, and how to repeat a case."""
+    """Missed goals, the number of earlier scores, and how to repeat a case."""
     names = [f"{goal.name} ({_value(goal.share)})" for goal in found.goals if _missed(goal)]
     bounded = sum(goal.bounded and bool(goal.share.count) for goal in found.goals)
     missed = f"Of {bounded} goals {len(names)} are missed" + (f": {'; '.join(names)}." if names else ".")
@@ -106,12 +106,12 @@ def _missed(goal: Goal) -> bool:
 
 
 def percent(value: float) -> str:
-    """Without decimals where they say nothing."""
+    """A fraction in percent; `-` for NaN."""
     return "-" if value != value else f"{100 * value:.1f} %"
 
 
 def interval(share: Share | Gap) -> str:
-    """Share, counts and Wilson's interval; of calibration the largest distance, and where it is."""
+    """Fraction, counts and Wilson's interval; for calibration the largest distance and its decile."""
     if not share.count:
         return "-"
     if isinstance(share, Gap):
@@ -124,12 +124,12 @@ def interval(share: Share | Gap) -> str:
 
 
 def _value(share: Share | Gap) -> str:
-    """Of a distance in percentage points."""
+    """Value in percent; a distance in percentage points."""
     return f"{100 * share.value:.1f} points" if isinstance(share, Gap) else percent(share.value)
 
 
 def wanted(goal: Goal) -> str:
-    """What the goal is, in words."""
+    """Description of the goal."""
     if not goal.bounded:
         return "-"
     if isinstance(goal.share, Gap):
@@ -193,12 +193,12 @@ def _calibration(found: Summary) -> str:
         ]
         for low, high, mean, share in found.calibration
     ]
-    table = _table(["stated", "mean", "right", "distance [points]", "counts", "told"], rows)
+    table = _table(["stated", "mean", "right", "distance [points]", "counts", "result"], rows)
     return table + "\n\n" + CALIBRATION.format(few=FEW, near=NEAR)
 
 
-def proper(found: Summary) -> str:
-    """The proper scores of all stated probabilities, in a sentence."""
+def proper_scores(found: Summary) -> str:
+    """Sentence with the proper scores of all stated probabilities."""
     if found.log_score is None or found.brier is None:
         return "No case."
     return PROPER.format(log=found.log_score, brier=found.brier, floor=FLOOR)
@@ -218,7 +218,7 @@ def _baselines(found: Summary) -> str:
     headings = [
         "method",
         "names exactly the hidden effect",
-        "silent where there is none",
+        "no finding if nothing is hidden",
         "held-out error",
         "",
     ]
@@ -226,7 +226,7 @@ def _baselines(found: Summary) -> str:
 
 
 def case_line(case: CaseScore) -> str:
-    """What is hidden in a case and what was said, in one line."""
+    """Hidden physics of a case and its answer, in one line."""
     hidden = ", ".join(case.hidden) or case.foreign or "nothing"
     named = ", ".join(f"{f.label} ({f.probability:.2f})" for f in case.findings) or "nothing"
     words = case.message.splitlines()[-1] if case.message else ""

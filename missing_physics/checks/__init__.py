@@ -1,1 +1,1 @@
-"""Whether recordings can be used for a diagnosis: their channels, clocks and drives."""
+"""Checks whether recordings can be used for a diagnosis: channels, clocks and drives."""

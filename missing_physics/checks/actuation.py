@@ -1,4 +1,4 @@
-"""The recorded channel from which the torque of a joint's actuator or of a motor follows, and its factor."""
+"""The recorded channel that determines the torque of a joint's actuator or of a motor, and its factor."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
     """Whether a joint is undriven, so that the torque of its actuator is known to be zero.
 
     A joint is undriven if it has no actuator and the recording has no channel of one; or if the recorded
-    torque or current is zero throughout. A robot file without any actuator leaves open which joints are
-    driven where the recording has channels of some: nothing drives a robot without actuators whose recording
-    has none of them.
+    torque or current is zero throughout. Without any actuator in the robot file, all joints are undriven if
+    the recording has no actuator channels; if it has some, it is not known which joints are driven.
     """
     described = any(drive.actuator is not None for drive in robot.drives)
     free = not described and not any(channel.endswith(DRIVE_CHANNELS) for channel in recording)
@@ -70,7 +69,7 @@ class TorqueLack:
 
 
 def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | None:
-    """The missing channel or key why `actuator_torque` finds nothing; None where it finds a torque."""
+    """The missing channel or key because of which `actuator_torque` finds no torque; None if it finds one."""
     if actuator_torque(robot, recording, joint)[0] is not None:
         return None
     recorded = [quantity for quantity in DRIVEN if f"{joint}.{quantity}" in recording]
@@ -93,7 +92,7 @@ def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | 
 
 
 def _motor(robot: Robot, place: str) -> Actuator | None:
-    """The actuator of a joint, or a motor of a transmission; None where a joint has no own actuator."""
+    """The actuator of a joint, or a motor of a transmission; None if a joint has no actuator."""
     return next((drive.actuator for drive in robot.drives if drive.name == place), None)
 
 

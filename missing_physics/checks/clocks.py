@@ -1,9 +1,10 @@
 """Channels of one recording brought onto one uniform clock, that of the fastest core channel.
 
-A channel with a separate clock has numbers at every second or fewer instants, evenly except for gaps. It is
-interpolated by the cubic spline through them, whose frequency response is one up to 0.08 of their rate to
-1e-4 (Unser, IEEE Signal Processing Magazine 16 (1999), no. 6), and nothing is compared above. There white
-noise of standard deviation s keeps its density: per sample of a clock r times as fast it is s sqrt(r).
+A channel with a separate clock has values at every second or fewer instants, evenly except for gaps. It is
+interpolated by a cubic spline, whose frequency response is one to within 1e-4 up to 0.08 of the channel's
+rate (Unser, IEEE Signal Processing Magazine 16 (1999), no. 6); nothing is compared above. White noise of
+standard
+deviation s keeps its density: per sample of a clock r times as fast it is s sqrt(r).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 FEWEST_SAMPLES = 50
 #: Relative jitter of the sample time above which the series are resampled.
 JITTER = 1e-3
-#: Samples of a slower clock lie at most this many times as far apart as usual.
+#: Largest spacing of samples of a slower clock, relative to the usual one.
 EVEN = 1.5
 
 
@@ -39,7 +40,7 @@ class Clock:
         recording: whose channels are read.
         time: [s], shape (N,).
         own: sample time [s] of the core channels that have a separate clock.
-        left_out: which part of the recording is not used and why, as a clause; empty where all is used.
+        left_out: which part of the recording is not used and why, as a clause; empty if all is used.
     """
 
     recording: Recording
@@ -49,7 +50,7 @@ class Clock:
 
     @classmethod
     def of(cls, recording: Recording, channels: Sequence[str]) -> Clock:
-        """The fastest clock of the core `channels`, over the longest part in which none is missing for long.
+        """The fastest clock of the core `channels`, over the longest part without a long gap in any of them.
 
         Raises:
             InputError: a channel is empty, or too few samples.
@@ -60,23 +61,23 @@ class Clock:
             if not good.any():
                 raise InputError(f"{name}: {channel} holds no number.")
         own = {channel: period for channel, good in given.items() if (period := sample_time_of(time, good))}
-        there = {c: _covered(time, good, own[c]) if c in own else good for c, good in given.items()}
+        present = {c: _covered(time, good, own[c]) if c in own else good for c, good in given.items()}
         fastest = max(given.values(), key=np.count_nonzero)
-        held = time[np.all([*there.values(), fastest], axis=0)]
+        held = time[np.all([*present.values(), fastest], axis=0)]
         if held.size < FEWEST_SAMPLES:
             raise InputError(
                 f"{name} has {held.size} sample{'' if held.size == 1 else 's'}"
-                f"{missing_words(there)}; a diagnosis needs at least {FEWEST_SAMPLES}."
+                f"{missing_words(present)}; a diagnosis needs at least {FEWEST_SAMPLES}."
             )
         used = held[longest_stretch(held)]
         if used.size < FEWEST_SAMPLES:
             raise InputError(
-                f"{name} is cut by gaps into parts of at most {used.size} samples{missing_words(there)}; "
+                f"{name} is cut by gaps into parts of at most {used.size} samples{missing_words(present)}; "
                 f"a diagnosis needs {FEWEST_SAMPLES} in a row."
             )
         count = round((used[-1] - used[0]) / float(np.median(np.diff(held)))) + 1
         grid = np.asarray(np.linspace(used[0], used[-1], count))
-        return cls(recording, grid, own, stretch_words(time, there, used))
+        return cls(recording, grid, own, stretch_words(time, present, used))
 
     @property
     def rate(self) -> float:
@@ -125,7 +126,7 @@ class Clock:
 
 
 def _covered(time: Array, good: NDArray[np.bool_], period: float) -> NDArray[np.bool_]:
-    """Instants between two numbers of a channel that are close compared with its sample time."""
+    """Mask of the instants between values of a channel without a gap relative to its sampling time."""
     given = time[good]
     after = np.searchsorted(given, time, side="right")
     inside = (after > 0) & (after < given.size)

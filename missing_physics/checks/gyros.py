@@ -1,4 +1,4 @@
-"""Gyros on a free base, which show whether anything but the joints turns it."""
+"""Gyros on a free base, which reveal whether anything but the joints turns it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def gyro_channels(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, .
 
 
 def gyro_noise(robot: Robot, recording: Recording, channel: str, cutoff: float) -> float:
-    """rms below `cutoff` [Hz] of a gyro's white noise: as recording or robot state it, else an estimate."""
+    """rms below `cutoff` [Hz] of a gyro's white noise: from the robot or the recording, else an estimate."""
     sensor = sensor_of(robot, recording, channel)
     if sensor is None:
         found = noise_of(recording, channel)
@@ -41,7 +41,7 @@ def gyro_noise(robot: Robot, recording: Recording, channel: str, cutoff: float) 
 
 
 def covered(recording: Recording, channel: str) -> NDArray[np.bool_]:
-    """Instants at which a channel, perhaps of a slower clock, was recorded without a gap, shape (N,)."""
+    """Mask of the instants at which a channel, maybe with a slower clock, has no gap, shape (N,)."""
     good = np.flatnonzero(np.isfinite(recording[channel]))
     inside = np.zeros(len(recording), dtype=bool)
     if good.size > 1:

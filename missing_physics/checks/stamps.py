@@ -1,8 +1,8 @@
-"""Time stamps that are late: samples of an even clock, stamped when they were received.
+"""Late time stamps: samples taken by an even clock but stamped when they were received.
 
 A computer without a real-time system often stamps samples when it reads them, while the drive took them
-evenly, if at a rate that drifts. The wrong instants of a fast motion are errors of its position, and in
-bursts look like pushes. Which clock is right shows in the positions: at the right instants they are smooth.
+evenly, perhaps at a drifting rate. Wrong times of a fast motion are position errors, and bursts of them look
+like pushes. The positions reveal the right clock: at the right times they are smooth.
 """
 
 from __future__ import annotations
@@ -20,30 +20,31 @@ __all__ = ["on_even_clock"]
 
 Array = NDArray[np.float64]
 
-#: Scatter of the steps between stamps, in parts of a step, below which it makes no difference: positions of
-#: a motion of f cycles in a step err by 2 pi f times as much of their amplitude.
+#: Scatter of the steps between stamps, as a fraction of a step, below which it is ignored: positions of a
+#: motion of f cycles per step err by 2 pi f times this fraction of their amplitude.
 SCATTER = 1e-3
-#: Samples over which a clock is even, beside all of them.
+#: Numbers of samples over which a clock is taken as even, in addition to all samples.
 EVEN = (31, 101, 301, 1001, 3001)
 #: Quantities of a recording that an encoder counts.
 ENCODERS = ("position", "motor_position")
-#: Samples in a row that a parabola cannot fit exactly, and of which its error is taken.
+#: Consecutive samples to which a parabola is fitted: the fewest that leave an error.
 ROW = 4
 
 
 def on_even_clock(recording: Recording) -> tuple[Recording, str]:
-    """The recording on an even clock where its positions are more probable on that than at its stamps.
+    """The recording on an even clock if its positions are more probable there than at its stamps.
 
-    No sample may be missing: clocks are straight lines through all stamps, or through some in a row around
-    each. Errors of parabolas through neighbouring positions are Gaussian of an unknown level for each
-    encoder; a clock has to be more probable by the logarithm of the number of samples (Schwarz 1978). Of
-    those that are as probable it is the most even one, since crystals are steady.
+    No sample may be missing: clocks are straight lines through all stamps, or through some consecutive ones
+    around each. Errors of parabolas through neighbouring positions are Gaussian with an unknown level for
+    each encoder. A clock's log-likelihood must exceed that of the stamps by the logarithm of the number of
+    samples (Schwarz 1978). Among equally probable clocks the most even one is chosen, since crystals are
+    steady.
 
     Args:
         recording: any.
 
     Returns:
-        The recording, and a sentence where its clock was replaced, else empty.
+        The recording, and a sentence if its clock was replaced, else an empty string.
     """
     time = recording.time
     if time.size < 2 * ROW:
@@ -67,7 +68,7 @@ def on_even_clock(recording: Recording) -> tuple[Recording, str]:
 
 
 def _clocks(time: Array) -> Iterator[Array]:
-    """Clocks that are even over some samples, over more, and throughout; those that rise."""
+    """Increasing clocks that are even over some samples, over more, and throughout."""
     count = np.arange(time.size, dtype=float)
     slope, first = np.polyfit(count, time, 1)
     line = first + slope * count
@@ -80,7 +81,7 @@ def _clocks(time: Array) -> Iterator[Array]:
 
 
 def _encoders(recording: Recording) -> Iterator[str]:
-    """Position channels that are there in every sample and move."""
+    """Position channels without missing values that move."""
     for channel, values in recording.channels.items():
         if channel.rpartition(".")[2] in ENCODERS and np.all(np.isfinite(values)) and np.ptp(values) > 0.0:
             yield channel
@@ -88,14 +89,14 @@ def _encoders(recording: Recording) -> Iterator[str]:
 
 def _gain(position: Array, stamps: Array, even: Array) -> float:
     """Log likelihood of positions on an even clock over that at their stamps [nats]."""
-    left = [float(np.mean(_unexplained(time, position) ** 2)) for time in (stamps, even)]
-    if min(left) <= 0.0:  # a joint that hardly moved, in whole steps of its encoder
+    errors = [float(np.mean(_unexplained(time, position) ** 2)) for time in (stamps, even)]
+    if min(errors) <= 0.0:  # the joint moved by few steps of its encoder
         return 0.0
-    return 0.5 * position.size / ROW * float(np.log(left[0] / left[1]))
+    return 0.5 * position.size / ROW * float(np.log(errors[0] / errors[1]))
 
 
 def _unexplained(time: Array, position: Array) -> Array:
-    """Errors of parabolas through neighbours, in units of those of a position, shape (N - 3,)."""
+    """Errors of parabolas through neighbours, in units of the error of a position, shape (N - 3,)."""
     rows = np.lib.stride_tricks.sliding_window_view(time, ROW)
     apart = rows[:, :, None] - rows[:, None, :]
     apart[:, np.arange(ROW), np.arange(ROW)] = 1.0

@@ -1,4 +1,4 @@
-"""Which stretch of a recording is used, and the message about the rest."""
+"""Selection of the part of a recording that is used, and the message about the rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["LONGEST_GAP", "longest_stretch", "missing_words", "stretch_words"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: A gap of more than this many of a channel's sample times cuts the recording.
+#: A gap of more than this many of a channel's sampling times cuts the recording.
 LONGEST_GAP = 10.0
 #: Gaps that a sentence describes, longest first.
 DESCRIBED = 2
@@ -26,22 +26,22 @@ def longest_stretch(time: Array) -> NDArray[np.intp]:
     return max(np.split(np.arange(time.size), cuts), key=len)
 
 
-def stretch_words(time: Array, there: Mapping[str, Flags], used: Array) -> str:
-    """Which part of a recording is used and why not the rest; empty where hardly anything is left out.
+def stretch_words(time: Array, present: Mapping[str, Flags], used: Array) -> str:
+    """Which part of a recording is used and why not the rest; empty if hardly anything is unused.
 
     Args:
         time: instants of the recording [s], shape (N,).
-        there: where each channel that is needed has numbers, shape (N,).
+        present: mask of the values of each required channel, shape (N,).
         used: the instants that are used [s], shape (K,).
     """
     usual = LONGEST_GAP * float(np.median(np.diff(used)))
     if (time[-1] - time[0]) - (used[-1] - used[0]) <= usual:
         return ""
-    held = time[np.all([*there.values()], axis=0)]
+    held = time[np.all([*present.values()], axis=0)]
     ends = np.concatenate([[time[0]], held, [time[-1]]])
     gaps = [(a, b) for a, b in pairwise(ends.tolist()) if b - a > usual]
     gaps.sort(key=lambda gap: gap[0] - gap[1])
-    causes = [*_causes(time, there, gaps[:DESCRIBED])]
+    causes = [*_causes(time, present, gaps[:DESCRIBED])]
     if (more := len(gaps) - DESCRIBED) > 0:
         causes.append(f"{more} more gap{'s' if more > 1 else ''}")
     return (
@@ -51,10 +51,10 @@ def stretch_words(time: Array, there: Mapping[str, Flags], used: Array) -> str:
     )
 
 
-def _causes(time: Array, there: Mapping[str, Flags], gaps: list[tuple[float, float]]) -> Iterator[str]:
+def _causes(time: Array, present: Mapping[str, Flags], gaps: list[tuple[float, float]]) -> Iterator[str]:
     for start, stop in gaps:
         inside = (time > start) & (time < stop)
-        lacking = [channel for channel, good in there.items() if not good[inside].all()]
+        lacking = [channel for channel, good in present.items() if not good[inside].all()]
         if lacking:
             names = f"{', '.join(lacking[:-1])} and {lacking[-1]}" if len(lacking) > 1 else lacking[0]
             have = "have no numbers" if len(lacking) > 1 else "has no number"
@@ -63,9 +63,9 @@ def _causes(time: Array, there: Mapping[str, Flags], gaps: list[tuple[float, flo
             yield f"no sample was recorded between {start:.6g} and {stop:.6g} s"
 
 
-def missing_words(there: Mapping[str, Flags]) -> str:
-    """Where numbers are missing, the channel that has fewest and how many, in brackets."""
-    channel, good = min(there.items(), key=lambda item: np.count_nonzero(item[1]))
+def missing_words(present: Mapping[str, Flags]) -> str:
+    """The channel with the fewest values and their number, in brackets; empty if none is missing."""
+    channel, good = min(present.items(), key=lambda item: np.count_nonzero(item[1]))
     if good.all():
         return ""
     return f" ({channel} has a number in {np.count_nonzero(good)} of {good.size} samples)"

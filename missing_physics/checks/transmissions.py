@@ -1,4 +1,4 @@
-"""Recordings of robots whose motors move several joints: channels of one side from those of the other.
+"""Recordings of robots whose motors move several joints: channels of one side computed from the other.
 
 Some machines record motors and others joints. With q = T m and tau_q = T^-T tau_m each side follows from the
 complete other side; recorded channels are left unchanged.
@@ -17,15 +17,15 @@ from robot_model import Recording, Robot, Transmission
 __all__ = ["on_both_sides"]
 
 Array = NDArray[np.float64]
-#: Where the motion of a joint is recorded, and of a motor: encoders at the motor before those at the joint.
+#: Quantities of motion that are converted between motors and joints.
 MOVED = ("position", "velocity", "acceleration", "reference_position", "reference_velocity")
 
 
 def on_both_sides(robot: Robot, recording: Recording) -> Recording:
-    """The recording with channels of joints that follow from their motors', and of motors from their joints'.
+    """The recording with channels of joints computed from their motors, and of motors from their joints.
 
     Args:
-        robot: the description; without transmissions nothing changes.
+        robot: the robot; without transmissions nothing changes.
         recording: any.
     """
     found: dict[str, Array] = {}

@@ -1,4 +1,4 @@
-"""The front door: one file per command, gathered here."""
+"""The command line: one file per command, gathered here."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from robot_model import InputError, OutOfMemoryError, lacks_memory, lacks_room
 __all__ = ["app", "main"]
 
 UNUSABLE_INPUT = 2
-#: Disk or memory is full or failing, or there are too many files; nothing is said of the input.
+#: Exit code if disk or memory is full or failing, or too many files are open; the input may be valid.
 TRY_AGAIN = 75
-#: What a command line that cannot be read raises.
+#: Raised for a command line that cannot be parsed.
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 HELP = "Find the physics that a robot's simulation leaves out: locate, name, model, prove."
@@ -38,7 +38,7 @@ app = typer.Typer(
 
 
 def _version(asked: bool) -> None:
-    """Print the version and end, where it was asked for."""
+    """Print the version and exit, if requested."""
     if asked:
         print(f"missing-physics {metadata.version('missing-physics')}")
         raise typer.Exit
@@ -50,14 +50,14 @@ def _program(
         bool, typer.Option("--version", help="print the version", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """What comes before every command."""
+    """Options before every command."""
 
 
 def main() -> None:
     """Run the command line; unusable input gives one sentence on stderr and exit code 2.
 
-    Where the machine refuses, as with a full disk or too little memory, the exit code is 75: another try may
-    succeed. A signal gives 128 plus its number, and so does a closed pipe, without a word, as after SIGPIPE.
+    If the machine fails, as with a full disk or too little memory, the exit code is 75: another attempt may
+    succeed. A signal gives 128 plus its number, and so does a closed pipe, silently, as after SIGPIPE.
     """
     with interrupting() as signals:
         try:
@@ -71,7 +71,7 @@ def main() -> None:
 
 
 def _carried_out(signals: Signals) -> int:
-    """Run the requested command; its exit code, after printing a sentence on what stopped it."""
+    """Run the requested command; returns its exit code, after printing a sentence on what stopped it."""
     try:
         code = app(prog_name="missing-physics", standalone_mode=False)
         if sys.stdout is not None:  # closed by whoever started the program
@@ -104,7 +104,7 @@ def _carried_out(signals: Signals) -> int:
 
 
 def _usage_error(error: Exception) -> int:
-    """Print a sentence on what is wrong with the command line, or the help where it is empty."""
+    """Print a sentence on what is wrong with the command line, or the help if it is empty."""
     context = getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
         print(context.get_help())

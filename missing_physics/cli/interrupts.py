@@ -38,9 +38,9 @@ class Interrupted(Exception):
 class Signals:
     """The received signals, and their handlers.
 
-    A library that asks Python for an attribute, as CasADi does for every operation between its matrices, may
-    drop an exception that a handler raises there. So a timer checks whether the interrupt is being handled,
-    and raises it again if not.
+    A library that queries Python attributes, as CasADi does for every operation between its matrices, may
+    drop an exception raised by a handler there. So a timer checks whether the interrupt is being handled, and
+    raises it again if not.
     """
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class Signals:
 
     def raise_again(self, number: int, frame: FrameType | None) -> None:
         """Handler of the timer."""
-        if self._first is not None and not _on_its_way(sys.exc_info()[1]):
+        if self._first is not None and not _is_being_handled(sys.exc_info()[1]):
             raise KeyboardInterrupt
 
     def arrived(self) -> None:
@@ -78,7 +78,7 @@ class Signals:
         return f"ended by {signal.Signals(self._first).name}"
 
 
-def _on_its_way(handled: BaseException | None) -> bool:
+def _is_being_handled(handled: BaseException | None) -> bool:
     """Whether an interrupt is being handled: cleaning up after it must not be interrupted by another one."""
     while handled is not None:
         if isinstance(handled, KeyboardInterrupt | GeneratorExit):
@@ -89,7 +89,7 @@ def _on_its_way(handled: BaseException | None) -> bool:
 
 @contextmanager
 def interrupting() -> Iterator[Signals]:
-    """SIGTERM and SIGHUP raise `KeyboardInterrupt` as Ctrl-C does; ignored ones, as under nohup, stay so."""
+    """SIGTERM and SIGHUP raise `KeyboardInterrupt` like Ctrl-C; ignored ones (nohup) stay ignored."""
     signals = Signals()
     if threading.current_thread() is not threading.main_thread():
         yield signals
@@ -107,7 +107,7 @@ def interrupting() -> Iterator[Signals]:
 
 
 def closed_pipe(error: BaseException) -> bool:
-    """Whether nobody reads what the program prints; rich and typer exit where they meet that."""
+    """Whether the output pipe is closed; rich and typer raise `SystemExit` in that case."""
     return isinstance(error.__context__ if isinstance(error, SystemExit) else error, BrokenPipeError)
 
 

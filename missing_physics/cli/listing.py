@@ -1,4 +1,4 @@
-"""The commands, each loaded on demand: the overall help and completion need none of them."""
+"""The commands, each loaded on demand: the general help and completion do not load them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Commands(TyperGroup):
             self.commands.setdefault(name, TyperCommand(name, help=summary))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of that name; while all are listed, a stand-in with its description."""
+        """The command of that name; while all are listed, a placeholder with its description."""
         return (
             super().get_command(ctx, cmd_name)
             if self._listing or cmd_name not in SUMMARIES
@@ -79,4 +79,4 @@ def loaded(name: str) -> Any:
 
 
 def _nothing() -> None:
-    """Nothing is to be done before a command."""
+    """Callback without effect before a command."""

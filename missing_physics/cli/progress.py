@@ -1,4 +1,4 @@
-"""Progress on stderr: the present step, the completed share and the duration."""
+"""Progress on stderr: the current step, the completed fraction and the duration."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from missing_physics.reporting.terminal.console import DescriptionColumn, PlainC
 
 __all__ = ["Steps", "phases", "steps"]
 
-#: Number of lines for a phase with a known share, where stderr is no terminal.
+#: Number of lines for a phase with a known fraction, if stderr is not a terminal.
 PARTS = 10
-#: Seconds for which the first lines are held back: most unusable input is detected by then, and only the one
+#: Seconds for which the first lines are held back: most unusable input is detected by then, and only the
 #: sentence about it is printed.
 HELD = 1.0
 
@@ -57,7 +57,7 @@ class Steps:
 
 
 class _Lines:
-    """Lines where stderr is no terminal: one at the beginning of each phase, one for each of its `PARTS`."""
+    """Lines if stderr is not a terminal: one at the start of each phase, one for each of its `PARTS`."""
 
     def __init__(self, console: PlainConsole) -> None:
         self._console, self._begin = console, perf_counter()
@@ -98,14 +98,14 @@ class _Lines:
 
 @contextmanager
 def phases(*, quiet: bool, measured: bool = False) -> Iterator[Callable[..., None]]:
-    """A function that takes a phrase for the present phase and, where known, the completed share.
+    """A function that takes a phrase for the current phase and, if known, the completed fraction.
 
-    They are shown on stderr: in place on a terminal, elsewhere as lines, so that a log shows the progress of
+    They are shown on stderr: in place on a terminal, otherwise as lines, so that a log shows the progress of
     a long run.
 
     Args:
         quiet: show nothing.
-        measured: shares are given, so that a bar and the remaining time can be shown.
+        measured: whether fractions are given, so that a bar and the remaining time can be shown.
     """
     if quiet:
         yield lambda phrase, share=None: None

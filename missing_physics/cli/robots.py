@@ -1,4 +1,4 @@
-"""The argument that names a robot, as all commands take it."""
+"""The argument that names a robot, common to all commands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OverlayOption = Annotated[
     typer.Option(
         "--overlay",
         help="TOML file with keys of a robot file that replace or complete those of ROBOT, such as what a "
-        "URDF or MJCF file cannot hold. By default NAME.overlay.toml beside such a file, if there is one.",
+        "URDF or MJCF file cannot hold. By default NAME.overlay.toml next to such a file, if it exists.",
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""From a robot and recordings to a diagnosis: check, weigh hypotheses, compare, judge."""
+"""From a robot and recordings to a diagnosis: check data, weigh hypotheses, compare models, decide."""
 
 from missing_physics.diagnosis.coverage import Coverage, coverage, one_way_words, prepared, reason_words
 from missing_physics.diagnosis.coverage.contradictions import ContradictionError, contradictions

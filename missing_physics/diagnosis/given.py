@@ -1,4 +1,4 @@
-"""Whether a robot, recordings and options can be used at all."""
+"""Checks whether a robot, recordings and options can be used at all."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ ENCODERS = ("motor_position", "position")
 
 
 def require_weighable(robot: Robot, recordings: Sequence[Recording]) -> None:
-    """Raises `InputError` where hypotheses cannot be weighed, and says how to correct it.
+    """Raises `InputError`, with a remedy, if hypotheses cannot be weighed.
 
-    They require an encoder for each joint; links that do not bend where motors move several joints; of
-    structure and surroundings no effects in the robot file but walls that rigid links meet; and of its
-    friction laws, no two of one kind at one joint, and at joints that transmissions move only viscous and
-    Coulomb friction.
+    Required are: an encoder for each joint; rigid links if motors move several joints; in the robot file no
+    effects of structure and surroundings except walls that rigid links touch; no two friction laws of one
+    kind at one joint; and only viscous and Coulomb friction at joints behind transmissions.
     """
     if reason := _robot_lacks(robot):
         raise InputError(f"robot '{robot.name}' cannot be diagnosed as it is: {reason}.")
@@ -45,12 +44,12 @@ def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
 
 
 def require_usable(every: Sequence[Recording], fitted: int, cutoff: float | None) -> None:
-    """Raises `InputError` for a cut-off that cannot be, or a recording that is given twice.
+    """Raises `InputError` for an impossible cut-off, or a recording that is given twice.
 
     Args:
-        every: recordings, those that are fitted first.
-        fitted: how many these are.
-        cutoff: of the low-pass filter [Hz], None where it follows from the data.
+        every: recordings, the fitted ones first.
+        fitted: number of recordings that are fitted.
+        cutoff: of the low-pass filter [Hz], None if it follows from the data.
     """
     slowest = min(every, key=lambda recording: recording.sample_rate)
     if cutoff is not None and not 0.0 < cutoff < slowest.sample_rate / 2:
@@ -71,9 +70,9 @@ def require_usable(every: Sequence[Recording], fitted: int, cutoff: float | None
 
 
 def _robot_lacks(robot: Robot) -> str:
-    """Why hypotheses cannot be weighed about a robot, as a clause; empty where they can."""
+    """Why hypotheses cannot be weighed for a robot, as a clause; empty if they can."""
     if not robot.moving_joints:
-        return "it has no moving joint; give the joint that moved another kind than 'fixed'"
+        return "it has no moving joint; give the joint that moved a kind other than 'fixed'"
     if robot.flexible_links and robot.transmissions:
         link = robot.flexible_links[0]
         key = "beam" if link.beam is not None else "modal"
@@ -100,7 +99,7 @@ def _why_not(robot: Robot, used: UsedEffect) -> str:
 
 
 def _is_other_law(used: UsedEffect) -> bool:
-    """Whether it is friction that is no parameter of the standard model."""
+    """Whether it is friction that is not a parameter of the standard model."""
     return is_friction(used.effect) and not used.effect.standard
 
 
@@ -109,8 +108,8 @@ def _why_no_law(used: UsedEffect, drives: Collection[str], laws: set[tuple[str, 
 
     Args:
         used: the law.
-        drives: joints with an actuator of their own, and motors of transmissions.
-        laws: joint and kind of the laws before it, to which it is added.
+        drives: names of directly driven joints, and of motors of transmissions.
+        laws: joint and kind of the previous laws; the law is added.
     """
     if used.at not in drives:
         return (

@@ -1,4 +1,4 @@
-"""Choices of a diagnosis."""
+"""Options of a diagnosis."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ __all__ = ["Options"]
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of a diagnosis.
+    """Options of a diagnosis.
 
     Attributes:
         cutoff: of the low-pass filter [Hz]; found from the data when None.
         seed: of all random numbers.
-        experiments: whether separating motions are designed.
-        as_recorded: whether channels are used although they contradict each other.
+        experiments: whether to design experiments that separate rival hypotheses.
+        as_recorded: whether channels are used even if they contradict each other.
     """
 
     cutoff: float | None = None

@@ -1,4 +1,4 @@
-"""From recordings to a diagnosis."""
+"""The pipeline from recordings to a diagnosis."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from missing_physics.diagnosis.coverage import Coverage, Prepared, coverage, pre
 from missing_physics.diagnosis.coverage.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage.no_data import without_data
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
-from missing_physics.diagnosis.gear_file.effects import yielding
+from missing_physics.diagnosis.gear_file.effects import compliant_joints
 from missing_physics.diagnosis.gear_file.merge import with_transmission
 from missing_physics.diagnosis.given import has_two_encoders, require_usable, require_weighable
-from missing_physics.diagnosis.known.effects import left_aside, restored, stripped
+from missing_physics.diagnosis.known.effects import ignored_gears, restored, stripped
 from missing_physics.diagnosis.known.gears import behind_gears
 from missing_physics.diagnosis.known.sensors import without_sensor_errors
 from missing_physics.diagnosis.options import Options
@@ -35,7 +35,7 @@ from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_
 
 __all__ = ["Options", "diagnose"]
 
-Said = Callable[[str], None]
+Progress = Callable[[str], None]
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -45,17 +45,17 @@ def diagnose(
     validation: Sequence[Recording] = (),
     *,
     options: Options | None = None,
-    progress: Said | None = None,
+    progress: Progress | None = None,
 ) -> Result:
     """Find the physics that the robot's description leaves out.
 
-    Linear algebra runs on one thread: its matrices are small, so that more threads wait for each other, and
-    sums do not depend on how many processors there are.
+    Linear algebra runs on one thread: the matrices are small, so more threads would only wait for each other,
+    and results do not depend on the number of processors.
 
     Args:
         robot: the nominal robot.
-        recordings: to fit, with the position of every moving joint.
-        validation: only predicted; if empty, a quarter of each recording is held out.
+        recordings: those that are fitted, with the position of every moving joint.
+        validation: those that are only predicted; if empty, a quarter of each recording is held out.
         options: see `Options`.
         progress: called with a phrase at each step.
 
@@ -64,42 +64,42 @@ def diagnose(
             twice, or channels contradict each other (`ContradictionError`).
     """
     began, chosen, fitted = time.monotonic(), options or Options(), len(recordings)
-    tell: Said = progress or (lambda phrase: None)
+    report_progress: Progress = progress or (lambda phrase: None)
     timed = [on_even_clock(one) for one in (*recordings, *validation)]
     given = tuple(on_both_sides(robot, one) for one, _ in timed)
     require_weighable(robot, given)
     require_usable(given, fitted, chosen.cutoff)
-    tell("estimating motion and torque")
+    report_progress("estimating motion and torque")
     nominal, every = stripped(robot, given), [without_sensor_errors(robot, one) for one in given]
     ready = prepared(nominal, every, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
     used, along = ready.recordings, ready.dynamics
     if not chosen.as_recorded:
-        tell("checking the channels against each other")
+        report_progress("checking the channels against each other")
         require_no_contradiction(nominal, used, along, cutoff=chosen.cutoff)
     require_same_torques(nominal, used[:fitted], along[:fitted])
     covered = coverage(nominal, used, along, fitted=fitted, dead=ready.dead)
-    gap = _between_encoders(robot, ready, fitted, tell)
-    base = diagnose_base(nominal, used, fitted, along=along, progress=tell)
-    whole = without_data(nominal, used[:fitted], used[fitted:], covered)
+    gap = _between_encoders(robot, ready, fitted, report_progress)
+    base = diagnose_base(nominal, used, fitted, along=along, progress=report_progress)
+    result = without_data(nominal, used[:fitted], used[fitted:], covered)
     if covered.enough:
-        still = without_base_effects(nominal, used, along, base)
-        rigid = behind_gears(nominal, still, along, yielding(robot, gap))
+        without_base = without_base_effects(nominal, used, along, base)
+        rigid = behind_gears(nominal, without_base, along, compliant_joints(robot, gap))
         searched = () if base is None else base.searched
-        whole = _weighed(nominal, rigid, fitted, covered, chosen, searched, of_bodies(base), tell)
+        result = _weighed(nominal, rigid, fitted, covered, chosen, searched, of_bodies(base), report_progress)
     if gap is not None:
-        whole = with_transmission(whole, gap, robot)
+        result = with_transmission(result, gap, robot)
     if base is not None:
-        whole = with_base(whole, base, nominal)
+        result = with_base(result, base, nominal)
     lacking = [joint.name for joint in covered.joints if joint.reason is not None]
-    whole = judged(whole, nominal, lacking)
-    open_ = (*whole.diagnosis.could_not_tell, *left_aside(robot, given))
-    file = restored(robot_from_toml(whole.augmented_robot_toml), robot, given)
+    result = judged(result, nominal, lacking)
+    open_ = (*result.diagnosis.could_not_tell, *ignored_gears(robot, given))
+    file = restored(robot_from_toml(result.augmented_robot_toml), robot, given)
     return replace(
-        whole,
+        result,
         diagnosis=replace(
-            whole.diagnosis,
+            result.diagnosis,
             could_not_tell=open_,
-            notes=(*whole.diagnosis.notes, *filter(None, (words for _, words in timed))),
+            notes=(*result.diagnosis.notes, *filter(None, (words for _, words in timed))),
         ),
         augmented_robot_toml=robot_to_toml(file),
         seconds=time.monotonic() - began,
@@ -113,20 +113,20 @@ def _weighed(
     covered: Coverage,
     options: Options,
     searched: Collection[str],
-    beside: Information | None,
-    tell: Said,
+    extra: Information | None,
+    report_progress: Progress,
 ) -> Result:
     """The diagnosis of the torques, compared with the standard model."""
     try:
-        found, punctual = answered(
+        found, in_time = answered(
             robot,
             used[:fitted],
             used[fitted:],
             cutoff=options.cutoff,
             experiments=options.seed if options.experiments else None,
             searched=searched,
-            beside=beside,
-            progress=tell,
+            extra=extra,
+            progress=report_progress,
         )
     except np.linalg.LinAlgError:
         raise InputError(
@@ -138,15 +138,19 @@ def _weighed(
         findings=tuple(with_priors(finding, robot) for finding in found.diagnosis.findings),
         could_not_tell=(*covered.sentences, *found.diagnosis.could_not_tell),
     )
-    tell("comparing with the standard model")
-    whole = compared(replace(found, diagnosis=diagnosis), robot, punctual, fitted)
+    report_progress("comparing with the standard model")
+    whole = compared(replace(found, diagnosis=diagnosis), robot, in_time, fitted)
     slow = min(band.torque for band in whole.diagnosis.fit.bands)
-    return with_ripple(whole, robot, punctual, fitted, slow, tell)
+    return with_ripple(whole, robot, in_time, fitted, slow, report_progress)
 
 
-def _between_encoders(robot: Robot, ready: Prepared, fitted: int, tell: Said) -> TransmissionResult | None:
-    """What lies between the two encoders of joints that have them; None where none has."""
+def _between_encoders(
+    robot: Robot, ready: Prepared, fitted: int, report_progress: Progress
+) -> TransmissionResult | None:
+    """Diagnosis of the transmissions of joints with two encoders; None without any."""
     used = ready.recordings
     if not has_two_encoders(robot, used):
         return None
-    return diagnose_transmission(robot, used[:fitted], used[fitted:], along=ready.dynamics, progress=tell)
+    return diagnose_transmission(
+        robot, used[:fitted], used[fitted:], along=ready.dynamics, progress=report_progress
+    )

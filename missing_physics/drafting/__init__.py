@@ -1,4 +1,4 @@
-"""Drafts of maps and overlays: the probable meaning of a log's columns, reasons, and open questions."""
+"""Drafts of maps and overlays: the probable meaning of a log's columns, with reasons and open questions."""
 
 from missing_physics.drafting.draft import Draft, draft
 

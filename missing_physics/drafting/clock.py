@@ -1,4 +1,4 @@
-"""The log's clock: the column of the instants and its unit, or the sample rate."""
+"""The log's clock: the column of time stamps and its unit, or the sample rate."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from missing_physics.drafting.names import is_time, tokens, unit_of_time
 
 __all__ = ["Clock", "clock_of"]
 
-#: Sample times of robot logs [s]; longer ones indicate another unit.
+#: Range of sample times of robot logs [s]; others indicate another unit.
 SHORTEST, LONGEST = 5e-6, 0.2
-#: Initial guess of the rate where it is not known [Hz].
-USUAL = 1000.0
+#: Initial guess of an unknown rate [Hz].
+DEFAULT_RATE = 1000.0
 #: Units by their size [s].
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-#: Largest part of rows with equal stamps for a clock that is merely coarse.
+#: Largest fraction of rows with equal time stamps for which a clock counts as coarse.
 COARSE = 0.95
 
-#: Most alternative columns that are named.
+#: Maximum number of alternative columns that are listed.
 SHOWN = 4
 
 Array = NDArray[np.float64]
@@ -36,10 +36,10 @@ class Clock:
 
     Attributes:
         table: its keys.
-        seconds: the instants [s], shape (N,); sample numbers where the rate is not known.
+        seconds: time stamps [s], shape (N,); for an unknown rate those of the initial guess.
         column: the column that contains them.
         known: whether the unit or rate is known.
-        reasons, questions: guesses with their reasons, and open questions.
+        reasons, questions: reasons for the guesses, and open questions.
     """
 
     table: dict[str, Any]
@@ -53,15 +53,15 @@ class Clock:
 def clock_of(columns: Sequence[Column]) -> Clock:
     """The most probable clock."""
     rising = [column for column in columns if _rises(column)]
-    named = sorted((c for c in rising if is_time(c.source) or c.instants), key=_plainness)
+    named = sorted((c for c in rising if is_time(c.source) or c.instants), key=_time_rank)
     if not named:
-        return _counted(columns[0].values.size)
+        return _unknown_rate(columns[0].values.size)
     column = named[0]
     clock = _stamps(column) if column.instants else _numbers(column)
     others = [other for other in named[1:] if not np.array_equal(other.values, column.values)]
     if others:
         names = ", ".join(f"'{other.label}'" for other in others[:SHOWN])
-        clock.reasons.append(f"{names} {'rises' if len(others) == 1 else 'rise'} as well")
+        clock.reasons.append(f"{names} {'increases' if len(others) == 1 else 'increase'} as well")
     return clock
 
 
@@ -72,17 +72,17 @@ def _rises(column: Column) -> bool:
     )
 
 
-def _plainness(column: Column) -> tuple[bool, int]:
-    """Sort key: columns of instants first, then short names."""
+def _time_rank(column: Column) -> tuple[bool, int]:
+    """Sort key: columns declared as time stamps first, then short names."""
     return not column.instants, len(tokens(column.source))
 
 
-def _counted(count: int) -> Clock:
+def _unknown_rate(count: int) -> Clock:
     return Clock(
-        table={"rate": USUAL},
-        seconds=np.arange(count) / USUAL,
+        table={"rate": DEFAULT_RATE},
+        seconds=np.arange(count) / DEFAULT_RATE,
         known=False,
-        questions=["no column rises like time: at which rate were the samples taken?"],
+        questions=["no column increases like time: what is the sample rate?"],
     )
 
 
@@ -98,12 +98,12 @@ def _numbers(column: Column) -> Clock:
     unit, named = unit_of_time(column.source), True
     if not unit and np.ptp(np.diff(column.values)) == 0 and step == 1.0:
         return Clock(
-            table={"rate": USUAL},
-            seconds=np.arange(column.values.size) / USUAL,
+            table={"rate": DEFAULT_RATE},
+            seconds=np.arange(column.values.size) / DEFAULT_RATE,
             column=column,
             known=False,
             reasons=[f"'{column.label}' counts samples or milliseconds"],
-            questions=["at which rate were the samples taken?"],
+            questions=["what is the sample rate?"],
         )
     if not unit:
         fitting = [name for name, size in UNITS.items() if SHORTEST <= step * size <= LONGEST]
@@ -116,7 +116,7 @@ def _numbers(column: Column) -> Clock:
     seconds = size * (column.values - column.values[0])
     rate = f"its steps of {step:g} {unit} are {1 / (step * size):.4g} samples per second"
     clock = Clock(table, seconds, column, known=named or unit == "s")
-    clock.reasons.append(f"'{column.label}' is named like time and rises; {rate}")
+    clock.reasons.append(f"'{column.label}' has a name for time and increases; {rate}")
     if named:
         clock.reasons.append(f"its unit {unit} is in its name")
     elif unit != "s":

@@ -1,4 +1,4 @@
-"""Columns of a log: all series of numbers with the most frequent length."""
+"""Columns of a log: all numeric series with the most frequent length."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from robot_model import InputError
 
 __all__ = ["Column", "columns_of"]
 
-#: Most columns that are read, since some logs have thousands.
+#: Maximum number of columns, since some logs have thousands.
 MOST = 600
-#: Samples of the shortest log.
+#: Minimum number of samples of a log.
 FEWEST = 50
 
 Array = NDArray[np.float64]
@@ -29,10 +29,10 @@ class Column:
 
     Attributes:
         source: its variable.
-        values: shape (N,); instants in nanoseconds since 1970.
+        values: shape (N,); time stamps in nanoseconds since 1970.
         place: row or column of the variable, as in a map.
-        number: its index and the number of columns; None for a variable with one.
-        instants: whether the file declares these as instants.
+        number: its index and the variable's number of columns; None if it has only one.
+        instants: whether the file declares the values as time stamps.
     """
 
     source: str
@@ -43,7 +43,7 @@ class Column:
 
     @property
     def label(self) -> str:
-        """Name of the column for people."""
+        """Name of the column in messages."""
         return self.source + (f", {next(iter(self.place))} {self.number[0]}" if self.number else "")
 
 
@@ -73,7 +73,7 @@ def columns_of(raw: Raw) -> list[Column]:
 
 
 def _numbers(values: NDArray[Any]) -> NDArray[Any] | None:
-    """Numbers in one or two dimensions; empty for anything else."""
+    """Numbers in one or two dimensions; None for anything else."""
     flat = values.squeeze() if values.ndim > 1 else values
     if flat.ndim not in (1, 2) or not flat.size:
         return None

@@ -1,4 +1,4 @@
-"""Corrections of a draft where its recording contradicts itself, or the robot's dynamics and work."""
+"""Corrections of a draft whose recording contradicts itself, the robot's dynamics, or the sign of work."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["agree_on_gears", "corrected", "reverse_torques", "scale_entry"]
 
-#: Most rounds of correcting contradictions within the recording.
+#: Maximum number of rounds of correcting contradictions.
 ROUNDS = 4
-#: Factors that have a unit, by quantity.
+#: Factors that correspond to a unit, by quantity.
 _FACTORS = {
     "position": {"deg": math.pi / 180, "mm": 1e-3},
     "velocity": {"deg/s": math.pi / 180, "rpm": math.pi / 30, "mm/s": 1e-3},
     "torque": {"mNm": 1e-3},
 }
-#: The direction of a torque is known where its net work is at least this part of the exchanged work.
-TAKES = 0.5
-#: If most torques of a family with at least this many joints are the motor's, all of them are.
+#: The sign of a torque is known if its net work is at least this fraction of all exchanged work.
+NET_WORK = 0.5
+#: If most torques of a family with at least this many joints are on the motor side, all of them are.
 FAMILY = 3
 
 
 def corrected(robot: Robot, found: Draft, raw: Raw) -> Recording | None:
-    """The recording by the draft, after correcting contradictions with itself and the robot's dynamics."""
+    """The recording read with the draft, after correcting contradictions in itself and with the dynamics."""
     for _ in range(ROUNDS):
         mapping = mapping_from_toml(found.map, source="the draft")
         try:
             recording = recording_of_raw(raw, mapping)
         except InputError as error:
-            found.notes.append(f"the map as drafted does not read the log yet: {error}")
+            found.notes.append(f"the log cannot be read yet with the drafted map: {error}")
             return None
-        if not _correct(found, _wrong(robot, recording, found)):
+        if not _correct(found, _contradictions(robot, recording, found)):
             return recording
     return recording
 
 
-def _wrong(robot: Robot, recording: Recording, found: Draft) -> list[Finding]:
+def _contradictions(robot: Robot, recording: Recording, found: Draft) -> list[Finding]:
     own = [f for f in consistency_findings(recording, robot=robot) if f.severity == "error" and f.corrections]
     if own:
         return own
@@ -64,7 +64,7 @@ def _wrong(robot: Robot, recording: Recording, found: Draft) -> list[Finding]:
 
 
 def _correct(found: Draft, findings: Sequence[Finding]) -> bool:
-    """Write the corrections of findings into the entries; whether any was new."""
+    """Apply the corrections of findings to the entries; return whether there were any."""
     by_channel = {entry.channel: entry for entry in found.entries}
     before = {entry.channel: (entry.column, dict(entry.table)) for entry in found.entries}
     changed = False
@@ -93,7 +93,7 @@ def _correct_time(clock: Clock, scale: float) -> None:
 
 
 def scale_entry(entry: Entry, factor: float) -> None:
-    """Multiply a channel by a factor, or set its unit where the factor corresponds to one."""
+    """Multiply a channel by a factor, or set its unit if the factor corresponds to one."""
     sign, size = math.copysign(1.0, factor), abs(factor)
     units = _FACTORS.get(entry.quantity.removeprefix("motor_").removeprefix("reference_"), {})
     unit = next((name for name, own in units.items() if abs(size / own - 1.0) < 1e-3), "")
@@ -105,7 +105,7 @@ def scale_entry(entry: Entry, factor: float) -> None:
 
 
 def reverse_torques(found: Draft, recording: Recording) -> None:
-    """Reverse torques with negative work over a motion that begins and ends at rest.
+    """Reverse the sign of torques whose net work over the motion is negative.
 
     Friction dissipates energy, so the work of a drive over a long motion is positive, unless there are
     external loads.
@@ -115,8 +115,8 @@ def reverse_torques(found: Draft, recording: Recording) -> None:
         for entry in found.entries
         if entry.quantity == "torque"
     }
-    reversed_ = {entry.family for entry in found.entries if shares.get(entry.channel, 0.0) < -TAKES}
-    driving = {entry.family for entry in found.entries if shares.get(entry.channel, 0.0) > TAKES}
+    reversed_ = {entry.family for entry in found.entries if shares.get(entry.channel, 0.0) < -NET_WORK}
+    driving = {entry.family for entry in found.entries if shares.get(entry.channel, 0.0) > NET_WORK}
     for entry in found.entries:
         if (
             entry.quantity == "torque"
@@ -126,25 +126,23 @@ def reverse_torques(found: Draft, recording: Recording) -> None:
             scale_entry(entry, -1.0)
             share = shares[entry.channel]
             why = (
-                f"it takes out {-share:.0%} of the work that it exchanges with the motion"
-                if share < -TAKES
-                else "as others of its name, which take work out of the motion"
+                f"it removes {-share:.0%} of the energy that it exchanges with the motion"
+                if share < -NET_WORK
+                else "as torques with similar names, which remove energy from the motion"
             )
             entry.reasons.append(f"reversed: {why}")
-            entry.questions.append(
-                "is it the torque on the robot's joint, or that of the joint on its drive?"
-            )
+            entry.questions.append("is it the torque on the joint, or the reaction on the drive?")
 
 
 def agree_on_gears(found: Draft) -> None:
-    """Correct all torques of a family where most of them turned out to be on the motor side of the gear."""
+    """Correct all torques of a family if most of them turned out to be on the motor side of the gear."""
     families: dict[str, list[Entry]] = defaultdict(list)
     for entry in found.entries:
         actuator = entry.joint.actuator
         if entry.quantity == "torque" and actuator is not None and actuator.gear_ratio != 1.0:
             families[entry.family].append(entry)
     for family in families.values():
-        before = [entry for entry in family if _is_gear(entry)]
+        before = [entry for entry in family if _on_motor_side(entry)]
         if len(family) < FAMILY or 2 * len(before) <= len(family):
             continue
         for entry in family:
@@ -152,11 +150,11 @@ def agree_on_gears(found: Draft) -> None:
                 entry.table["scale"] = math.copysign(
                     entry.joint.actuator.gear_ratio, entry.table.get("scale", 1.0)
                 )
-                entry.reasons.append("the motor's, before its gear, as most others of its name")
-                entry.questions.append("is it on the motor's side? Its own numbers do not show it.")
+                entry.reasons.append("on the motor side of the gear, as most torques with similar names")
+                entry.questions.append("is it on the motor side? Its own values do not show it.")
 
 
-def _is_gear(entry: Entry) -> bool:
-    """Whether a torque was found to be on the motor side."""
+def _on_motor_side(entry: Entry) -> bool:
+    """Whether a torque was found to be on the motor side of its gear."""
     actuator = entry.joint.actuator
     return actuator is not None and abs(abs(entry.table.get("scale", 1.0)) / actuator.gear_ratio - 1.0) < 1e-3

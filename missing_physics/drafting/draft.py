@@ -1,4 +1,4 @@
-"""From a robot and a log to a draft of a map and of an overlay."""
+"""Draft of a map and an overlay from a robot and a log."""
 
 from __future__ import annotations
 
@@ -27,48 +27,48 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["Draft", "draft"]
 
-#: A current above this is in milliamperes, a temperature above this in kelvins.
+#: Values above these indicate a current in milliamperes, a temperature in kelvins.
 MOST_AMPERES, MOST_CELSIUS = 300.0, 200.0
 #: Quantities that drive a joint.
 EFFORTS = ("torque", "current", "voltage")
 #: Relative difference within which torque constants agree.
-AGREES = 0.2
+AGREEMENT = 0.2
 
 
 def draft(robot: Robot, log: str | os.PathLike[str], *, size_limit: float | None = None) -> Draft:
     """Guess the map of a log, and estimate the robot's drives from its currents.
 
     Args:
-        robot: nominal.
+        robot: nominal robot.
         log: any readable file.
-        size_limit: what its variables may take in memory [bytes].
+        size_limit: memory limit for its variables [bytes].
 
     Raises:
-        InputError: the log cannot be read, has no long columns, or none that belongs to a joint.
+        InputError: the log cannot be read, has no long columns, or no column of a joint.
     """
     raw = read_raw(log, budget=Budget(size_limit) if size_limit else None)
     columns = columns_of(raw)
     clock = clock_of(columns)
-    entries, left = assigned(robot, [column for column in columns if column is not clock.column])
+    entries, unused = assigned(robot, [column for column in columns if column is not clock.column])
     if not entries:
         names = ", ".join(f"'{column.label}'" for column in columns[:8])
         raise InputError(
-            f"{raw.source} has no column whose name says which quantity of which joint it holds (it has "
+            f"{raw.source} has no column whose name contains a quantity of a joint (it has "
             f"{names}); name them like q1_deg or joint1.position, or write a map by hand."
         )
-    found = Draft(clock, entries, left, source=raw.source)
-    _name_units(clock, entries)
+    found = Draft(clock, entries, unused, source=raw.source)
+    _infer_units(clock, entries)
     recording = corrected(robot, found, raw)
     if recording is not None:
         agree_on_gears(found)
         reverse_torques(found, recording)
-        _weigh_currents(robot, found, recording)
+        _estimate_drives(robot, found, recording)
     _ask_for_efforts(robot, found)
     return found
 
 
-def _name_units(clock: Clock, entries: Sequence[Entry]) -> None:
-    """Units from names, else from ranges and from derivatives."""
+def _infer_units(clock: Clock, entries: Sequence[Entry]) -> None:
+    """Infer units from names, else from ranges and derivatives."""
     by_channel = {entry.channel: entry for entry in entries}
     for entry in entries:
         if entry.reading.unit:
@@ -77,10 +77,10 @@ def _name_units(clock: Clock, entries: Sequence[Entry]) -> None:
             _guess_position(entry)
         elif entry.quantity == "temperature":
             celsius = float(np.nanmax(entry.column.values)) < MOST_CELSIUS
-            _set_unit(entry, "degC" if celsius else "K", "its numbers are those of such a unit")
+            _set_unit(entry, "degC" if celsius else "K", "its values suggest this unit")
         elif entry.quantity == "current" and float(np.nanmax(np.abs(entry.column.values))) > MOST_AMPERES:
             _set_unit(entry, "mA", "")
-            entry.questions.append("is its unit mA? It is guessed from its size alone.")
+            entry.questions.append("is its unit mA? It is guessed from the size of the values alone.")
     for entry in entries:
         if entry.quantity.endswith("velocity"):
             position = by_channel.get(entry.channel.replace("velocity", "position"))
@@ -115,7 +115,7 @@ def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
     known = velocity.reading.unit or ""
     size = _size(position)
     if not known and not clock.known:
-        velocity.questions.append("in which unit is it? Neither a name nor a known clock shows it.")
+        velocity.questions.append("what is its unit? Neither a name nor a known clock determines it.")
     elif not known:
         unit = velocity_unit(ratio, size, slides=slides)
         if unit:
@@ -136,13 +136,13 @@ def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
 
 
 def _size(entry: Entry) -> float:
-    """SI units per unit of a column, by its table."""
+    """Size of a column's unit in SI units, from its table."""
     unit = entry.table.get("unit")
     return entry.table.get("scale", 1.0) * (unit_conversion(unit, entry.channel)[0] if unit else 1.0)
 
 
-def _weigh_currents(robot: Robot, found: Draft, recording: Recording) -> None:
-    """Torque constant and gear from the currents of joints whose torque is not recorded."""
+def _estimate_drives(robot: Robot, found: Draft, recording: Recording) -> None:
+    """Estimate torque constant and gear from the currents of joints whose torque is not recorded."""
     channels = {entry.channel for entry in found.entries}
     currents = [
         (k, joint, f"{joint.name}.current")
@@ -155,10 +155,10 @@ def _weigh_currents(robot: Robot, found: Draft, recording: Recording) -> None:
         entry = next(entry for entry in found.entries if entry.channel == channel)
         if joint.joint is None:  # an overlay has joints only
             continue
-        _state_drive(found, entry, joint, drive)
+        _describe_drive(found, entry, joint, drive)
 
 
-def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, drive: Drive | None) -> None:
+def _describe_drive(found: Draft, entry: Entry, joint: RobotDrive, drive: Drive | None) -> None:
     actuator = joint.actuator
     constant = actuator.torque_constant if actuator else None
     gear = actuator.gear_ratio if actuator else 1.0
@@ -167,26 +167,26 @@ def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, drive: Drive | N
         if constant is None:
             table.questions.append(
                 "torque_constant [N m/A] and gear_ratio? The recording does not determine them (too little "
-                "of the current accelerates or carries the masses); take them from the drive's data sheet."
+                "of the current accelerates or supports the masses); take them from the drive's data sheet."
             )
             found.joints.append(table)
         return
     if drive.factor < 0:
         scale_entry(entry, -1.0)
         entry.reasons.append(
-            "reversed: it has the opposite sign of the torque that the motion needs by the robot file"
+            "reversed: its sign is opposite to the torque that the motion needs according to the robot file"
         )
     factor, low, high = abs(drive.factor), *sorted((abs(drive.low), abs(drive.high)))
     measured = (
         f"{factor:.4g} N m of torque per A at the joint, {low:.4g} to {high:.4g} in {PARTS} parts of the "
-        "recording, by the robot's dynamics"
+        "recording, from the robot's dynamics"
     )
     if constant is not None:
-        if abs(math.log(factor / (constant * gear))) > math.log1p(AGREES):
+        if abs(math.log(factor / (constant * gear))) > math.log1p(AGREEMENT):
             table.reasons.append(measured)
             table.questions.append(
-                f"the robot file says {constant * gear:.4g} N m per A (torque_constant {constant:.4g}, "
-                f"gear_ratio {gear:.4g}): which is right, or are masses off by "
+                f"the robot file gives {constant * gear:.4g} N m per A (torque_constant {constant:.4g}, "
+                f"gear_ratio {gear:.4g}): which is right, or are the masses wrong by a factor of "
                 f"{factor / constant / gear:.3g}?"
             )
             found.joints.append(table)
@@ -194,8 +194,8 @@ def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, drive: Drive | N
     table.actuator = {"gear_ratio": gear, "torque_constant": float(f"{factor / gear:.4g}")}
     table.reasons.append(measured)
     table.questions.append(
-        f"gear_ratio? Only its product with torque_constant, {factor:.4g} is known; rotor_inertia counts "
-        "with its square."
+        f"gear_ratio? Only its product with torque_constant, {factor:.4g}, is known; rotor_inertia is "
+        "multiplied by its square."
         if gear == 1.0
         else "rotor_inertia [kg m^2, motor side]?"
     )
@@ -207,13 +207,15 @@ def _ask_for_efforts(robot: Robot, found: Draft) -> None:
     for joint in (drive for drive in robot.drives if drive.joint is not None):
         if f"{joint.name}.position" not in channels and f"{joint.name}.motor_position" not in channels:
             found.joints.append(
-                JointDraft(joint.name, questions=['no column is its position: is it held (kind = "fixed")?'])
+                JointDraft(
+                    joint.name, questions=['no column contains its position: is it locked (kind = "fixed")?']
+                )
             )
         elif (
             not any(f"{joint.name}.{effort}" in channels for effort in EFFORTS) and joint.actuator is not None
         ):
             found.joints.append(
                 JointDraft(
-                    joint.name, questions=["no column is its torque: does nothing drive it (passive = true)?"]
+                    joint.name, questions=["no column contains its torque: is it passive (passive = true)?"]
                 )
             )

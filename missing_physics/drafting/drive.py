@@ -15,16 +15,16 @@ from robot_model import Recording, Robot
 
 __all__ = ["Drive", "JointDraft", "Needed", "needed_torques", "power_share", "torque_per_current"]
 
-#: Most samples that are used, evenly spread over the recording.
+#: Maximum number of samples, evenly spread over the recording.
 SAMPLES = 4000
-#: Rate at which the motion is resampled [Hz], and the span of the polynomial for derivatives [s].
+#: Rate at which the motion is resampled [Hz], and window of the Savitzky-Golay filter [s].
 RATE, SPAN = 250.0, 0.12
-#: The torque must explain this part of the residual of friction alone, and its factor vary no more than this.
+#: Minimum fraction of the residual of friction that the torque explains, and maximum spread of its factor.
 EXPLAINS, STEADY = 0.5, 0.3
 PARTS = 4
-#: Smallest motion of a joint from which its drive can be estimated [rad or m].
-LEAST = 0.01
-#: A joint must travel its whole range this many times for the work of its torque to determine a direction.
+#: Smallest range of motion for estimating a drive [rad or m].
+SMALLEST_RANGE = 0.01
+#: Minimum travel, in ranges of motion, for which the work of a torque determines its sign.
 STROKES = 4.0
 
 Array = NDArray[np.float64]
@@ -35,9 +35,9 @@ class JointDraft:
     """The table of one joint in an overlay.
 
     Attributes:
-        name: of the joint.
-        actuator: keys of its actuator.
-        reasons, questions: guesses with their reasons, and open questions.
+        name: name of the joint.
+        actuator: values of its actuator.
+        reasons, questions: reasons for the guesses, and open questions.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Drive(NamedTuple):
     Attributes:
         factor: [N m/A], negative where current and torque have opposite signs.
         low, high: its range over parts of the recording.
-        explains: part of the current, without friction, that the torque explains.
+        explains: fraction of the current, without friction, that the torque explains.
     """
 
     factor: float
@@ -82,7 +82,7 @@ class Drive(NamedTuple):
 
 
 def needed_torques(robot: Robot, recording: Recording) -> Needed | None:
-    """Torques of a robot on a fixed base with rigid links and all positions recorded; None for any other."""
+    """Torques of a robot with a fixed base, rigid links and all positions recorded; None for any other."""
     joints = robot.drives
     names = [f"{joint.name}.position" for joint in joints]
     plain = robot.base.kind == "fixed" and not robot.spherical_joints and not robot.flexible_links
@@ -110,22 +110,22 @@ def _at(time: Array, recording: Recording, name: str) -> Array:
 
 
 def power_share(recording: Recording, joint: str) -> float:
-    """Net work of a joint's torque on the motion, as a part of all work that it exchanges.
+    """Net work of a joint's torque, as a fraction of the work that it exchanges with the motion.
 
     Args:
         recording: with position and torque.
-        joint: its name.
+        joint: name of the joint.
 
     Returns:
-        From -1 to 1; 0 where a channel is missing, or the joint moves to and fro less than twice, so that
-        stored energy may come back.
+        From -1 to 1; 0 if a channel is missing, or the joint moves back and forth less than twice, so that
+        stored energy may be returned.
     """
     if not {f"{joint}.position", f"{joint}.torque"} <= set(recording):
         return 0.0
     time = np.arange(recording.time[0], recording.time[-1], 1.0 / min(RATE, recording.sample_rate))
     position = _at(time, recording, f"{joint}.position")
     width = max(5, int(SPAN / (time[1] - time[0])) | 1)
-    if time.size < 2 * width or np.ptp(position) < LEAST:
+    if time.size < 2 * width or np.ptp(position) < SMALLEST_RANGE:
         return 0.0
     smooth = savgol_filter(position, width, 4)
     if np.abs(np.diff(smooth)).sum() < STROKES * np.ptp(smooth):
@@ -141,7 +141,7 @@ def torque_per_current(needed: Needed, joint: int, recording: Recording, channel
 
     Args:
         needed: see `needed_torques`.
-        joint: which of the moving joints.
+        joint: index of the moving joint.
         recording: with the current.
         channel: the current [A].
     """
@@ -160,7 +160,7 @@ def torque_per_current(needed: Needed, joint: int, recording: Recording, channel
 
 
 def _slope(torque: Array, rest: Array, current: Array) -> tuple[float, float]:
-    """Current per torque, and the part of the current that it explains beyond the other regressors."""
+    """Current per torque, and the fraction of the current that it explains beyond the other regressors."""
     own = torque - rest @ np.linalg.lstsq(rest, torque, rcond=None)[0]
     left = current - rest @ np.linalg.lstsq(rest, current, rcond=None)[0]
     power, whole = float(own @ own), float(left @ left)

@@ -1,4 +1,4 @@
-"""Units of positions and velocities from ranges, and from velocities being derivatives of positions."""
+"""Units of positions and velocities, inferred from ranges and from the derivatives of positions."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from robot_model import Drive
 
 __all__ = ["Ratio", "angle_unit", "ratio_of", "velocity_unit"]
 
-#: Largest difference of a ratio from a known one, as a natural logarithm, and smallest correlation.
-NEAR, ALIKE = 0.06, 0.9
-#: A joint's range may be exceeded by this factor.
+#: Largest |log| of a ratio relative to a known one, and smallest correlation.
+TOLERANCE, CORRELATED = 0.06, 0.9
+#: Factor by which a joint's range may be exceeded.
 SLACK = 1.2
 #: Two turns; few joints move further [rad].
 TWO_TURNS = 4.0 * math.pi
@@ -33,12 +33,12 @@ class Ratio(NamedTuple):
     """Change of a position per integral of a velocity, in the log's units, and their correlation."""
 
     value: float
-    alike: float
+    correlation: float
 
     @property
     def is_integral(self) -> bool:
         """Whether the position is the integral of the velocity, up to a factor."""
-        return abs(self.alike) > ALIKE
+        return abs(self.correlation) > CORRELATED
 
 
 def ratio_of(time: Array, position: Array, velocity: Array) -> Ratio:
@@ -47,7 +47,7 @@ def ratio_of(time: Array, position: Array, velocity: Array) -> Ratio:
 
 
 def angle_unit(joint: Drive, values: Array) -> tuple[str, str, bool]:
-    """Unit of a position, the reason (empty where it is not known), and whether that is certain."""
+    """Unit of a position, the reason (empty if not known), and whether it is certain."""
     slides = joint.kind == "prismatic"
     plain, other = list(POSITIONS[slides])[:2]
     size = POSITIONS[slides][other]
@@ -66,9 +66,9 @@ def angle_unit(joint: Drive, values: Array) -> tuple[str, str, bool]:
 
 
 def velocity_unit(ratio: Ratio, position_size: float, *, slides: bool) -> str:
-    """Unit of a velocity of which a position of known unit is the integral; empty where none fits."""
+    """Unit of a velocity whose integral is a position of known unit; empty if none fits."""
     if not ratio.is_integral:
         return ""
     wanted = abs(ratio.value) * position_size
-    fits = (unit for unit, size in VELOCITIES[slides].items() if abs(math.log(wanted / size)) < NEAR)
+    fits = (unit for unit, size in VELOCITIES[slides].items() if abs(math.log(wanted / size)) < TOLERANCE)
     return next(fits, "")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from missing_physics.recordings import unit_conversion
 
-__all__ = ["Reading", "is_asked", "is_time", "read_name", "tokens", "unit_of_time"]
+__all__ = ["Reading", "is_commanded", "is_time", "read_name", "tokens", "unit_of_time"]
 
 
 def _words(text: str) -> frozenset[str]:
@@ -28,25 +28,25 @@ _QUANTITIES = {
     "temperature": _words("temp temperature temperatures"),
 }
 _QUANTITY = {word: quantity for quantity, words in _QUANTITIES.items() for word in words}
-#: Words that mean a quantity in some logs and something else in others; the user is asked.
-_PERHAPS = {
+#: Words that mean a quantity in some logs and something else in others, so that the user is asked.
+_AMBIGUOUS = {
     **dict.fromkeys(_words("th alpha beta gamma psi state action qm"), "position"),
     "qd": "velocity",
     "u": "voltage",
 }
-_ASKED = _words(
+_COMMANDED = _words(
     "ref reference con cmd cmptd command commanded des desired target goal set setpoint action demand"
 )
 _MEASURED = _words("meas measured act actual sensor rec recorded raw cur current iq")
 _COMPUTED = _words("est estimated model filt filtered sim pred predicted ff abs")
 _MOTOR = _words("mot motor rotor")
 _TIME = _words("t time times timestamp timestamps stamp stamps clock")
-#: Words of columns that are no channels: a setting, a state of the drive, a difference of two channels.
-_OTHER = _words(
+#: Words of columns that are not channels: a setting, a state of the drive, a difference of two channels.
+_NO_CHANNEL = _words(
     "enable enabled limit lim max min error err diff status mode flag id gain kp kd ki supply input bus"
 )
 
-#: Units as in names of columns, in lower case, and their names in pint.
+#: Units as written in column names, in lower case, and their names in pint.
 _UNITS = {
     **dict.fromkeys(_words("deg degree degrees"), "deg"),
     **dict.fromkeys(_words("rad radian radians"), "rad"),
@@ -67,8 +67,8 @@ _UNITS = {
     **{"nm": "Nm", "mnm": "mNm", "ncm": "Ncm", "n": "N", "kn": "kN", "k": "K"},
     **{word: word for word in ("rpm", "m", "mm", "cm", "kip")},
 }
-#: Units from which the quantity follows; single letters may be names.
-_TELLING = _words("deg degree degrees rad radian radians rpm dps degs rads rps nm mnm ncm")
+#: Units that determine the quantity; single letters are excluded, since they may be names.
+_QUANTITY_UNITS = _words("deg degree degrees rad radian radians rpm dps degs rads rps nm mnm ncm")
 _TIMES = {
     **dict.fromkeys(_words("s sec secs seconds"), "s"),
     **dict.fromkeys(_words("ms msec millis milliseconds"), "ms"),
@@ -86,12 +86,12 @@ class Reading:
     """Interpretation of a name.
 
     Attributes:
-        quantity: the native quantity.
-        word: the word from which it follows.
-        sure: whether the word hardly means anything else.
-        unit: as written in maps; empty where the name has none.
+        quantity: native name of the quantity.
+        word: the word that names it.
+        sure: whether the word is unambiguous.
+        unit: as written in maps; empty if the name contains none.
         numbers: numbers in the name, in their order.
-        rank: columns of one channel are preferred by it: measured, plain, computed.
+        rank: preference among columns of one channel: measured, unspecified, computed.
     """
 
     quantity: str
@@ -108,22 +108,22 @@ def tokens(name: str) -> list[str]:
 
 
 def read_name(name: str) -> Reading | None:
-    """Interpretation of a column's name; None where it has no word for a quantity."""
+    """Interpretation of a column's name; None if it has no word for a quantity."""
     words = tokens(name)
-    places = [k for k, word in enumerate(words) if word in _QUANTITY or word in _PERHAPS]
-    if _OTHER & set(words):
+    places = [k for k, word in enumerate(words) if word in _QUANTITY or word in _AMBIGUOUS]
+    if _NO_CHANNEL & set(words):
         return None
     if not places:
         return _by_unit(name, words)
     at = min(places, key=lambda k: (words[k] not in _QUANTITY, len(words[k]) == 1, k))
-    base = _QUANTITY.get(words[at]) or _PERHAPS[words[at]]
+    base = _QUANTITY.get(words[at]) or _AMBIGUOUS[words[at]]
     others = {*words[:at], *words[at + 1 :]}
     quantity = base
-    if (others | {words[at]}) & _ASKED and base in ("position", "velocity"):
+    if (others | {words[at]}) & _COMMANDED and base in ("position", "velocity"):
         quantity = f"reference_{base}"
     elif others & _MOTOR and base in ("position", "velocity"):
         quantity = f"motor_{base}"
-    rank = 2 * bool(others & _MEASURED) - bool(others & _COMPUTED) - 2 * bool(others & _ASKED)
+    rank = 2 * bool(others & _MEASURED) - bool(others & _COMPUTED) - 2 * bool(others & _COMMANDED)
     return Reading(
         quantity=quantity,
         word=words[at],
@@ -135,22 +135,22 @@ def read_name(name: str) -> Reading | None:
 
 
 def _by_unit(name: str, words: Sequence[str]) -> Reading | None:
-    """Interpretation of a name by its unit alone, as in ``shoulder_deg`` or ``elbow [Nm]``."""
-    tail = [word for word in words if word in _TELLING or word in _SECONDS]
-    if not (tail and tail[0] in _TELLING) and not _BRACKETS.search(name):
+    """Interpretation of a name from its unit alone, as in ``shoulder_deg`` or ``elbow [Nm]``."""
+    tail = [word for word in words if word in _QUANTITY_UNITS or word in _SECONDS]
+    if not (tail and tail[0] in _QUANTITY_UNITS) and not _BRACKETS.search(name):
         return None
     for quantity in ("position", "velocity", "torque"):
         if unit := _unit(name, tail, quantity):
             numbers = tuple(int(word) for word in words if word.isdigit() and len(word) < 4)
-            rank = 2 * bool(set(words) & _MEASURED) - 2 * bool(set(words) & _ASKED)
+            rank = 2 * bool(set(words) & _MEASURED) - 2 * bool(set(words) & _COMMANDED)
             return Reading(quantity, unit, False, unit, numbers, rank)
     return None
 
 
-def is_asked(name: str) -> bool:
-    """Whether the name says that a controller commanded this quantity."""
+def is_commanded(name: str) -> bool:
+    """Whether the name states that the quantity is commanded by a controller."""
     words = set(tokens(name))
-    return bool(words & _ASKED) and not words & _MEASURED
+    return bool(words & _COMMANDED) and not words & _MEASURED
 
 
 def is_time(name: str) -> bool:
@@ -159,14 +159,14 @@ def is_time(name: str) -> bool:
 
 
 def unit_of_time(name: str) -> str:
-    """The unit of time that the name ends in; empty where there is none."""
+    """The unit of time at the end of the name; empty if there is none."""
     found = _BRACKETS.search(name)
     words = [found[1].strip().lower()] if found else tokens(name)[1:]
     return next((_TIMES[word] for word in reversed(words) if word in _TIMES), "")
 
 
 def _unit(name: str, words: Sequence[str], quantity: str) -> str:
-    """The unit in brackets, or in the words after that of the quantity; empty where none fits."""
+    """The unit in brackets, or in the words after that of the quantity; empty if none fits."""
     found = _BRACKETS.search(name)
     if found:
         text = found[1].strip()

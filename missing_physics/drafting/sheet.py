@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from missing_physics.drafting.channels import Entry, Left
+from missing_physics.drafting.channels import Entry, UnusedColumn
 from missing_physics.drafting.clock import Clock
 from missing_physics.drafting.drive import JointDraft
 from missing_physics.drafting.text import map_text, overlay_text
@@ -19,15 +19,15 @@ class Draft:
     Attributes:
         clock: source of the time.
         entries: channels.
-        left: columns that are not read.
+        unused: columns that are not read.
         joints: joint properties that the robot file lacks.
         notes: corrections, and checks that were not possible.
-        source: the log, for people.
+        source: name of the log for messages.
     """
 
     clock: Clock
     entries: list[Entry]
-    left: list[Left]
+    unused: list[UnusedColumn]
     joints: list[JointDraft] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     source: str = ""
@@ -35,11 +35,11 @@ class Draft:
     @property
     def map(self) -> str:
         """The map, in TOML."""
-        return map_text(self.source, self.clock, self.entries, self.left)
+        return map_text(self.source, self.clock, self.entries, self.unused)
 
     @property
     def overlay(self) -> str:
-        """The overlay, in TOML; empty where it has no content."""
+        """The overlay, in TOML; empty if it has no content."""
         return overlay_text(self.source, self.joints)
 
     @property

@@ -1,7 +1,7 @@
-"""What a robot file predicts for a recording, and the residual.
+"""Prediction of a robot file for a recording, and the residual.
 
-Independent of every fit: it uses only the robot's description, the recording and the reference model, so that
-whatever a fit reports about its model can be checked against the file that it wrote.
+Independent of every fit: it uses only the robot file, the recording and the reference model. So whatever a
+fit reports about its model can be checked against the file that it wrote.
 """
 
 from missing_physics.evaluation.band import Band

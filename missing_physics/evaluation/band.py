@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 #: Order of the Butterworth filter, run forward and backward for zero phase.
 ORDER = 4
-#: Fewest samples kept per period of the smoothing cut-off: the smoothed signal holds nothing that needs more,
-#: and a spline through ten samples per period differs from a sine by 1e-5.
+#: Fewest samples kept per period of the smoothing cut-off: a spline through ten samples per period differs
+#: from a sine by 1e-5.
 DENSE = 10
-#: Torques are low-passed at this part of the kept sample rate to avoid aliasing.
+#: Anti-aliasing cut-off of torques as a fraction of the reduced sampling rate.
 UNFOLDED = 0.4
-#: Periods of the cut-off at either end of a recording that the filter spoils.
+#: Periods of the cut-off at either end of a recording that are spoiled by the filter.
 SPOILED_PERIODS = 2.0
 
 
@@ -31,7 +31,7 @@ class Band:
     Attributes:
         torque: cut-off below which torques are compared [Hz].
         motion: cut-off of the filter that smooths positions before they are differentiated [Hz].
-        rest: for each drive, the weight of samples in which it may be at rest; all zero when empty.
+        rest: for each drive, the weight of samples in which it may be at rest; zero if empty.
     """
 
     torque: float
@@ -54,7 +54,7 @@ def low_passed(values: Array, *, rate: float, cutoff: float) -> Array:
     sections, settled_state = _sections(cutoff, rate)
     settled = continued(len(values), rate=rate, cutoff=cutoff)
     rows = np.moveaxis(np.asarray(values, dtype=float), 0, -1)
-    # Past the ends the samples are turned about the end point, as `scipy.signal.sosfiltfilt` does.
+    # Beyond the ends the series is extended oddly, as in `scipy.signal.sosfiltfilt`.
     before = 2.0 * rows[..., :1] - rows[..., settled:0:-1]
     after = 2.0 * rows[..., -1:] - rows[..., -2 : -settled - 2 : -1]
     found = np.concatenate([before, rows, after], axis=-1)
@@ -65,24 +65,24 @@ def low_passed(values: Array, *, rate: float, cutoff: float) -> Array:
 
 
 def continued(samples: int, *, rate: float, cutoff: float) -> int:
-    """By how many samples a series is continued beyond each of its ends, for the filter to settle."""
+    """Samples by which a series is extended beyond each of its ends, for the filter to settle."""
     return min(samples - 1, int(3 * SPOILED_PERIODS * rate / cutoff) + 10)
 
 
 @lru_cache(maxsize=16)
 def _sections(cutoff: float, rate: float) -> tuple[Array, Array]:
-    """Second-order sections of the filter, and their state where a constant one has passed."""
+    """Second-order sections of the filter, and their steady state for a constant input of one."""
     sections = np.asarray(signal.butter(ORDER, cutoff, fs=rate, output="sos"))
     return sections, np.asarray(signal.sosfilt_zi(sections))
 
 
 def thinned(torque: Array, *, rate: float, smoothing: float) -> tuple[Array, int]:
-    """Torques low-passed for thinning to the rate that smoothed positions need, and the thinning factor.
+    """Torques low-passed for decimation to the rate that smoothed positions need, and the decimation factor.
 
     Args:
-        torque: shape (N, n); columns with NaN stay as they are.
+        torque: shape (N, n); columns with NaN are left unchanged.
         rate: samples per second [Hz].
-        smoothing: cut-off of the positions' filter [Hz].
+        smoothing: cut-off of the position filter [Hz].
     """
     stride = max(1, int(rate / (DENSE * smoothing)))
     if stride == 1:

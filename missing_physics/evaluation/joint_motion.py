@@ -1,8 +1,7 @@
-"""Motion and torque of the drives, as a robot file interprets a recording.
+"""Motion and torque of the drives, from a recording interpreted by a robot file.
 
-A drive is a joint with the one actuator that moves it, or a motor of a transmission.
-
-Sensor errors listed in the file are corrected, so that every value here is true according to the file.
+A drive is a directly actuated joint, or a motor of a transmission. Sensor errors listed in the file are
+corrected.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ __all__ = ["SIGN_UNCERTAINTY", "SLOWEST", "JointMotion"]
 
 Array = NDArray[np.float64]
 
-#: A gap of more than this many sample times ends a stretch that can be filtered.
+#: A gap of more than this many sampling times ends a stretch that can be filtered.
 LONGEST_GAP = 10.0
 #: Fewest samples in such a stretch.
 FEWEST_SAMPLES = 50
@@ -37,23 +36,23 @@ FEWEST_SAMPLES = 50
 DENSER = 8
 #: tanh(v / (1.25 s)) is within 2 % of the mean sign of a velocity that is known with standard deviation s.
 SIGN_UNCERTAINTY = 1.25
-#: Slowest speed whose sign is known, as a part of the largest one.
+#: Slowest speed whose sign is known, as a fraction of the largest one.
 SLOWEST = 2e-4
 
 
 @dataclass(frozen=True)
 class JointMotion:
-    """Motion and torque of n drives on a uniform clock, as dense as the smoothing of rigid links requires.
+    """Motion and torque of n drives on a uniform clock.
 
     Attributes:
         time: [s], shape (N,).
         position, velocity, acceleration: of the joints [rad or m, and per s, s^2], shape (N, n).
-        motor: the same three of the motors at the joint side of their gears where a motor moves by itself;
-            else those of the joints.
-        behind: joints whose motor moves by itself and has the only encoder, so that `position` and what
-            follows are the motor's.
-        torque: of the actuators at the joints, as it acted [N m or N], shape (N, n); NaN where it is not
-            known, zero where nothing drives the joint.
+        motor: position, velocity and acceleration of the motors, at the joint side of their gears, for gears
+            with effects; otherwise those of the joints.
+        behind: joints with a gear effect and only a motor encoder, so that `position`, `velocity` and
+            `acceleration` are the motor's.
+        torque: of the actuators at the joints, at the time it took effect [N m or N], shape (N, n); NaN if
+            not known, zero if nothing drives the joint.
         temperature: of the joints [K], shape (N, n).
         base_rates: as measured by gyros on the base [rad/s], shape (N, 3); NaN columns for axes without one.
         sign_speed: speed below which the sign of a velocity is not known, shape (n,).
@@ -84,7 +83,7 @@ class JointMotion:
 
     @property
     def shares(self) -> Array:
-        """Weight with which each sample is compared at each joint, 0 to 1, shape (N, n)."""
+        """Weight of each sample in the comparison at each joint, 0 to 1, shape (N, n)."""
         slides = self.slides
         return shares(slides, np.array(self.band.rest or [0.0] * slides.shape[1]))
 
@@ -95,7 +94,7 @@ class JointMotion:
 
     @property
     def motor_direction(self) -> Array:
-        """Direction of the friction of each motor that moves by itself, else of its joint, shape (N, n)."""
+        """Direction of the friction of each motor behind a gear with effects, else of its joint, (N, n)."""
         _, velocity, acceleration = self.motor
         return directions(velocity, self._slides(velocity, acceleration))
 
@@ -143,7 +142,7 @@ class _Reader:
 
     @property
     def behind(self) -> tuple[int, ...]:
-        """Joints behind gears that have no encoder but the motor's."""
+        """Joints behind gears with effects that have only a motor encoder."""
         channels = self._encoders["joint"]
         joints = enumerate(self.robot.drives)
         return tuple(
@@ -157,7 +156,7 @@ class _Reader:
         return position, spline(self.time, 1), spline(self.time, 2)
 
     def torque(self, joint: Drive, k: int) -> Array:
-        """Torque of a joint's actuator, as it acted, shape (N,)."""
+        """Torque of a joint's actuator at the time it took effect, shape (N,)."""
         channel, factor = actuator_torque(self.robot, self.recording, joint.name)
         if channel is None:
             passive = is_passive(self.robot, self.recording, joint.name)
@@ -222,7 +221,7 @@ class _Reader:
         return [channel for channel in found if channel is not None]
 
     def _clock(self, channels: set[str]) -> Array:
-        """Uniform instants over the longest stretch in which none of `channels` is missing for long."""
+        """Uniform instants over the longest stretch in which no channel of `channels` has a long gap."""
         time, name = self.recording.time, self.recording.source or "the recording"
         recorded = {c: time[np.isfinite(self.recording[c])] for c in channels}
         if min(instants.size for instants in recorded.values()) < FEWEST_SAMPLES:
@@ -266,19 +265,19 @@ class _Reader:
         return found
 
     def _as_held(self, torque: Array, channel: str) -> Array:
-        """Torque of a command held by a sampled controller, which acts half a period after it is recorded."""
+        """Torque of a command held by a sampled controller, effective half a period after it is recorded."""
         period = sample_time(self.robot)
         if period <= 0.0:
             return torque
         good = np.isfinite(self.recording[channel])
         own = float(np.median(np.diff(self.recording.time[good])))
-        late = 0.5 * min(period, own)
+        delay = 0.5 * min(period, own)
         spline = make_interp_spline(self.time, torque, k=3)
-        return np.asarray(spline(np.maximum(self.time - late, self.time[0])))
+        return np.asarray(spline(np.maximum(self.time - delay, self.time[0])))
 
 
 def _covered(time: Array, recorded: Array) -> NDArray[np.bool_]:
-    """Instants between two recorded values that are close compared with the channel's sample time."""
+    """Mask of the instants between recorded values without a gap relative to the channel's sampling time."""
     after = np.clip(np.searchsorted(recorded, time), 1, recorded.size - 1)
     steps = np.diff(recorded)
     return np.asarray(steps[after - 1] <= LONGEST_GAP * float(np.median(steps)))

@@ -1,4 +1,4 @@
-"""What a robot file predicts for a motion: the torques of its actuators and the rotation of its base."""
+"""Prediction of a robot file for a motion: torques of its actuators and rotation of its base."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class _Effect:
     """One effect at one joint along the motion.
 
     Attributes:
-        along: the effect; directed where it has no states.
-        parameters: its numbers.
+        along: the effect; directed if it has no states.
+        parameters: its parameters.
         signals: `JointSignals.CHANNELS`, shape (N, 11).
         direction: of the joint's motion, -1 to 1, shape (N,).
         is_law: whether it is a law of friction.
@@ -49,7 +49,7 @@ class _Effect:
     is_law: bool
 
     def force(self) -> Array:
-        """On the joint [N m or N], shape (N,)."""
+        """Force of the effect on the joint [N m or N], shape (N,)."""
         rows = self.signals
         if not self.along.effect.states:
             rows = np.column_stack([rows, self.direction])
@@ -64,7 +64,7 @@ class Prediction:
         torque: required of the actuators at the joints [N m or N], shape (N, n).
         base_rates: angular velocity of a moving base in its axes [rad/s], shape (N, 3); None for a fixed
             base.
-        vibration: torque of each way in which links may vibrate from the start, shape (N, n, V).
+        vibration: torque of each free vibration of links from the start, shape (N, n, V).
     """
 
     torque: Array
@@ -76,19 +76,19 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     """Torques and base motion of `robot` with all its effects along a motion of its joints.
 
     Bodies, base and flexible links are those of the reference model with the joints' motion prescribed.
-    Effects at a joint, friction above all, are evaluated by their own equations along that motion and passed
-    through the filter of the positions; effects driven by the actuator's torque see the recorded torque.
+    Effects at a joint, such as friction, are evaluated by their own equations along that motion and passed
+    through the position filter; effects driven by the actuator's torque get the recorded torque.
     """
     truth = truth_of(robot)
     motion = _behind_gears(truth, motion)
     needed, turning = _needed(robot, truth, motion)
-    forces = _Acting(truth, motion, needed).forces()
+    forces = _JointEffects(truth, motion, needed).forces()
     torque = needed - low_passed(forces, rate=motion.rate, cutoff=motion.band.motion)
     return Prediction(torque, turning, _vibration(truth, motion))
 
 
 def _vibration(truth: Truth, motion: JointMotion) -> Array:
-    """Of `Prediction`; none where motors move several joints, or a base moves on springs."""
+    """`Prediction.vibration`; empty if motors move several joints, or the base moves on springs."""
     robot = truth.robot
     if not truth.tree.modal or robot.transmissions or robot.base.kind != truth.nominal.base.kind:
         return np.zeros((*motion.position.shape, 0))
@@ -102,7 +102,7 @@ def _vibration(truth: Truth, motion: JointMotion) -> Array:
 
 @kept
 def _bending(robot: Robot) -> RobotModel:
-    """The model of a robot with what its effects change on links that bend."""
+    """The model of a robot with its effects on flexible links."""
     truth = truth_of(robot)
     bodies = {body.name: body.flexible for body in truth.tree.bodies if body.flexible is not None}
     return RobotModel(truth.robot, bodies=bodies)
@@ -123,17 +123,22 @@ def _needed(robot: Robot, truth: Truth, motion: JointMotion) -> tuple[Array, Arr
 
 
 def _behind_gears(truth: Truth, motion: JointMotion) -> JointMotion:
-    """The motion of joints without an encoder: that of their motors less the twist due to their torque."""
+    """The motion of joints without an encoder: that of their motors minus the twist due to the torque."""
     gears = [(used.at, used.effect, used.parameters) for used in truth.effects]
-    own = {at: (effect, p) for at, effect, p in gears if isinstance(effect, YieldingGear)}
-    yielding = {k: own[name] for k in motion.behind for name in [truth.nominal.drives[k].name] if name in own}
-    if not yielding:
+    twisting = {at: (effect, p) for at, effect, p in gears if isinstance(effect, YieldingGear)}
+    compliant = {
+        k: twisting[name]
+        for k in motion.behind
+        for name in [truth.nominal.drives[k].name]
+        if name in twisting
+    }
+    if not compliant:
         return motion
     needed, _ = _needed(truth.nominal, truth, motion)
-    passed = needed - _Acting(truth, motion, needed).forces()
+    passed = needed - _JointEffects(truth, motion, needed).forces()
     moved = tuple(part.copy() for part in (motion.position, motion.velocity, motion.acceleration))
     inertia = dict(zip(truth.gears.drives, truth.gears.inertia))
-    for k, (effect, values) in yielding.items():
+    for k, (effect, values) in compliant.items():
         torque = passed[:, k] - inertia.get(k, 0.0) * motion.motor[2][:, k]
         rate = np.asarray(make_interp_spline(motion.time, torque, k=3)(motion.time, 1))
         twist = GearAlong(effect).evaluate(torque, rate, values)[:, 0]
@@ -144,7 +149,7 @@ def _behind_gears(truth: Truth, motion: JointMotion) -> JointMotion:
     return replace(motion, position=position, velocity=velocity, acceleration=acceleration)
 
 
-class _Acting:
+class _JointEffects:
     """Contribution of effects at joints and in their actuators to the joints' forces."""
 
     def __init__(self, truth: Truth, motion: JointMotion, needed: Array) -> None:
@@ -154,8 +159,8 @@ class _Acting:
 
     def forces(self) -> Array:
         """Sum of all contributions, shape (N, n)."""
-        own = np.column_stack([self._at(k) for k in range(len(self._joints))])
-        return own if not self.truth.nominal.transmissions else own + self._behind_motors()
+        twisting = np.column_stack([self._at(k) for k in range(len(self._joints))])
+        return twisting if not self.truth.nominal.transmissions else twisting + self._behind_motors()
 
     def _behind_motors(self) -> Array:
         """Forces of effects at joints moved through transmissions, reflected to the motors, shape (N, n)."""
@@ -166,11 +171,11 @@ class _Acting:
         return CoupledMotion(model, motion.time, *moved, self.needed, motion.sign_speed).forces(effects)
 
     def _at(self, k: int) -> Array:
-        own = [self._effect(used, k) for used in self._own(k)]
-        friction = sum((one.force() for one in own if one.is_law), np.zeros(self.motion.time.size))
-        for one in own:
+        twisting = [self._effect(used, k) for used in self._own(k)]
+        friction = sum((one.force() for one in twisting if one.is_law), np.zeros(self.motion.time.size))
+        for one in twisting:
             one.signals[:, JointSignals.CHANNELS.index("friction")] = friction
-        return sum((one.force() for one in own if not one.is_law), start=friction)
+        return sum((one.force() for one in twisting if not one.is_law), start=friction)
 
     def _own(self, k: int) -> list[UsedEffect]:
         name = self._joints[k].name

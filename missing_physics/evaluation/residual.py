@@ -60,9 +60,9 @@ class Evaluation:
 def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     """Compare the torques that `robot` needs along the recorded motion with the recorded ones.
 
-    How links vibrate at the start is not recorded: the residual is without the free vibration of the robot's
-    links that fits it best. The derivatives of a recorded motion are noisy, and the noise excites
-    flexible links: for robots with lightly damped modes the residual contains this response as well.
+    The initial vibration of links is not recorded: the best-fitting free vibration of the links is removed
+    from the residual. The derivatives of a recorded motion are noisy, and the noise excites flexible links:
+    for robots with lightly damped modes the residual contains this response as well.
 
     Args:
         robot: any description, with its effects.
@@ -78,8 +78,8 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     prediction = predicted(robot, motion)
     channels = [f"{drive.name}.torque" for drive in robot.drives]
     smooth = low_passed(np.nan_to_num(motion.torque), rate=motion.rate, cutoff=band.motion)
-    left = np.where(np.isfinite(motion.torque), (smooth - prediction.torque) * motion.shares, np.nan)
-    pairs = list(zip(motion.torque.T, left.T))
+    residual = np.where(np.isfinite(motion.torque), (smooth - prediction.torque) * motion.shares, np.nan)
+    pairs = list(zip(motion.torque.T, residual.T))
     if prediction.base_rates is not None:
         axes = [k for k in range(3) if np.isfinite(motion.base_rates[:, k]).all()]
         channels += [f"base.angular_velocity.{'xyz'[k]}" for k in axes]
@@ -89,21 +89,23 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     kept = slice(spoiled, motion.time.size - spoiled)
     both = low_passed(np.array(pairs).transpose(2, 0, 1), rate=motion.rate, cutoff=band.torque)[kept]
     count = len(robot.drives)
-    both[:, count:] -= both[:, count:].mean(axis=0)  # a gyro's bias is no property of the robot
+    both[:, count:] -= both[:, count:].mean(axis=0)  # a gyro's bias is not a property of the robot
     prismatic = {drive.name for drive in robot.drives if drive.kind == "prismatic"}
     units = tuple(unit_of(c, prismatic=c.split(".")[0] in prismatic) for c in channels)
-    measured, left = both[:, :, 0], both[:, :, 1]
+    measured, residual = both[:, :, 0], both[:, :, 1]
     columns = prediction.vibration * motion.shares[:, :, None]
-    left[:, :count] = _quiet(left[:, :count], low_passed(columns, rate=motion.rate, cutoff=band.torque)[kept])
-    return Evaluation(tuple(channels), units, motion.time[kept], measured, measured - left, band)
+    residual[:, :count] = _without_vibration(
+        residual[:, :count], low_passed(columns, rate=motion.rate, cutoff=band.torque)[kept]
+    )
+    return Evaluation(tuple(channels), units, motion.time[kept], measured, measured - residual, band)
 
 
-def _quiet(left: Array, columns: Array) -> Array:
-    """Residual of the torques, shape (N, n), less the free vibration that fits it best; columns (N, n, V)."""
-    known = np.isfinite(left)
+def _without_vibration(residual: Array, columns: Array) -> Array:
+    """Residual of the torques, (N, n), minus the best-fitting free vibration; columns (N, n, V)."""
+    known = np.isfinite(residual)
     if not columns.shape[2] or not known.any():
-        return left
-    found = np.where(known, left, 0.0)
+        return residual
+    found = np.where(known, residual, 0.0)
     spread = np.sum(found**2, axis=0) / np.maximum(known.sum(axis=0), 1)
     weight = known / np.maximum(spread, 1e-12 * max(float(spread.max()), 1e-300))
     return np.where(known, Vibration.of(columns, weight).removed(found), np.nan)

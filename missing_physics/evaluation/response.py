@@ -1,13 +1,13 @@
-"""How a free base and links that bend answer small forces along a motion, and what joints feel of it.
+"""Response of a free base and flexible links to small forces along a motion, and the forces at joints.
 
-A free base takes no force and modes of links only their elastic ones, so that forces f on the rows of inverse
-dynamics move both, to first order
+No actuator acts on a free base and on modes of links. So forces f on the rows of inverse dynamics move both,
+to first order
 
     M_pp a + C v + K u = -f_p,        force at the joints = f_j + M_jp a,
 
-with the mass matrix along the motion, and stiffness K and damping C of the links. What changes the velocities
-beyond that (Coriolis terms of the deviations) is a few percent of the response at the rates of robots, and
-vanishes as the deviations do.
+with the mass matrix along the motion, and stiffness K and damping C of the links. Neglected terms (Coriolis
+terms of the deviations) are a few percent of the response at typical speeds of robots, and vanish with the
+deviations.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ __all__ = ["UNKNOWN", "Response", "Vibration", "vibrating"]
 
 Array = NDArray[np.float64]
 
-#: Vibrations that show by less than this part of what the strongest one shows take no part [-].
-SEEN = 1e-4
-#: Prior standard deviation of the vibration at the start, in units of the noise of a whole recording [-].
+#: Vibrations smaller than this fraction of the largest one are ignored [-].
+VISIBLE = 1e-4
+#: Prior standard deviation of the initial vibration, in units of the noise of a complete recording [-].
 UNKNOWN = 1e4
 
 
@@ -37,7 +37,7 @@ class Response:
         joints: rows of the joints among those of inverse dynamics.
         step: time between samples [s].
         base: M_xb M_bb^-1 for the rows x of joints and modes, shape (N, n + s, 6); none for a fixed one.
-        mass: of the joints with the base free and links that do not bend further, shape (N, n, n).
+        mass: of the joints with the base free and modes held, shape (N, n, n).
         coupling: M_js with the base free, shape (N, n, s).
         modal: M_ss with the base free, shape (N, s, s).
         stiffness, damping: of the modes, shape (s, s) each.
@@ -83,7 +83,7 @@ class Response:
         return replace(self, stiffness=stiffness, damping=damping)
 
     def at_joints(self, rows: Array) -> Array:
-        """Forces at the joints due to forces on all rows, shape (N, rows, C), from rest; shape (N, n, C)."""
+        """Forces at the joints due to forces on all rows, starting from rest, (N, rows, C) to (N, n, C)."""
         free = rows[:, self.joints.start :]
         if self.base.shape[2]:
             free = free - self.base @ rows[:, : self.joints.start]
@@ -95,13 +95,13 @@ class Response:
         return joints + self.coupling @ vibrating(self.modal, *elasticity, -modes, self.step)[2]
 
     def free_vibration(self, *, every: float = np.inf, below: float = np.inf) -> tuple[Array, Array]:
-        """Forces at the joints by modes that are deflected, or moved, at the start and at later instants.
+        """Forces at the joints due to free vibration of modes from the start and from later instants.
 
-        Deflections are one, rates the mode's frequency, so that both hold the same energy.
+        Initial deflections are one, initial rates the mode's frequency, so that both have the same energy.
 
         Args:
             every: time between these instants [s].
-            below: modes with a frequency above this are set off at the start only [rad/s].
+            below: modes with a frequency above this start at the first instant only [rad/s].
 
         Returns:
             Shape (N, n, V), and the instants with the mode of each column, (V, 2) integers.
@@ -131,7 +131,7 @@ class Response:
 
     @property
     def inertia(self) -> Array:
-        """Of the modes with the base free, in the middle of the motion, shape (s, s)."""
+        """Inertia of the modes with the base free, in the middle of the motion, shape (s, s)."""
         return np.asarray(self.modal[len(self.modal) // 2])
 
     @property
@@ -148,14 +148,14 @@ def vibrating(
     step: float,
     start: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Deflections, rates and accelerations under forces by the trapezoidal rule, shape (N, ..., s, C) each.
+    """Deflections, rates and accelerations due to forces by the trapezoidal rule, (N, ..., s, C) each.
 
     Args:
-        inertia: shape (N, ..., s, s), with further systems side by side.
+        inertia: shape (N, ..., s, s), for several systems at once.
         stiffness, damping: shape (..., s, s) or (N, ..., s, s).
         force: shape (N, ..., s, C).
         step: time between instants [s].
-        start: deflection and rate at the first one, shape (..., s, C) each; zero when left out.
+        start: deflection and rate at the first instant, shape (..., s, C) each; zero when None.
     """
     moved, answer, solver, kick = _transition(inertia, stiffness, damping, step)
     place, rate = np.zeros((2, *force.shape[1:])) if start is None else start
@@ -164,7 +164,7 @@ def vibrating(
     elastic = (np.broadcast_to(part, inertia.shape)[0] for part in (stiffness, damping))
     held = sum(part @ own for part, own in zip(elastic, (place, rate)))
     first = np.linalg.solve(inertia[0], force[0] - held)
-    half = step / 2  # from what is predicted so does it start
+    half = step / 2  # the state is the predicted part of the trapezoidal rule
     state = np.concatenate([place - half**2 * first, rate - half * first], axis=-2)
     states = np.empty((len(force), *state.shape))
     for k in range(len(force)):
@@ -180,8 +180,8 @@ def _transition(
 ) -> tuple[Array, Array, Array, Array]:
     """The trapezoidal rule with steps h, of modes with mass matrix M, stiffness K and damping C.
 
-    With the deflections and rates w that are predicted of an instant, a = S (f - [K, C] w) with
-    S = (M + h/2 C + h^2/4 K)^-1, and w of the next one is T w + [h^2; h] S f.
+    With the predicted deflections and rates w at an instant, a = S (f - [K, C] w) with
+    S = (M + h/2 C + h^2/4 K)^-1, and w at the next one is T w + [h^2; h] S f.
 
     Returns:
         T, S [K, C], S, and [h^2; h].
@@ -196,16 +196,16 @@ def _transition(
 
 @dataclass(frozen=True)
 class Vibration:
-    """Vibration of links in one recording that no encoder shows, as correlated noise; n channels.
+    """Vibration of links in one recording, not observed by encoders, as correlated noise; n channels.
 
-    Links may vibrate from the start, and the noise of encoders, differentiated twice, shakes them on. With
-    white noise of covariance 1/W and columns N of vibrations with prior variances, the covariance of series
-    is 1/W + N N^T, and what is compared is whitened by its inverse root.
+    Links may vibrate from the start, and encoder noise, differentiated twice, excites them further. With
+    white noise of covariance 1/W and columns N of vibrations with prior variances, the covariance of the
+    series is 1/W + N N^T, and everything compared is whitened by its inverse root.
 
     Attributes:
         root: square root of the weights, shape (K, n); zero where nothing is compared.
         basis: orthonormal directions of the weighted columns, shape (K n, R).
-        taken: part of each direction that is removed, shape (R,).
+        taken: fraction of each direction that is removed, shape (R,).
     """
 
     root: Array
@@ -214,26 +214,26 @@ class Vibration:
 
     @classmethod
     def of(cls, columns: Array, weight: Array, spread: Array | None = None) -> Vibration:
-        """From columns and weights.
+        """The vibration from columns and weights.
 
         Args:
             columns: shape (K, n, V).
             weight: inverse variance of the white noise, (K, n); zero where nothing is compared.
-            spread: standard deviation of what multiplies each column, (V,); infinite when left out.
+            spread: standard deviation of each column's amplitude, (V,); infinite when None.
         """
         root = np.sqrt(weight)
         flat = (columns * root[:, :, None]).reshape(root.size, -1)
         size = np.sqrt((flat**2).sum(axis=0))
-        seen = size > SEEN * size.max(initial=0.0)
-        if not seen.any():
+        visible = size > VISIBLE * size.max(initial=0.0)
+        if not visible.any():
             return cls(root, np.zeros((root.size, 0)), np.zeros(0))
-        wide = np.full(seen.sum(), np.inf) if spread is None else spread[seen]
-        scale = np.minimum(wide, UNKNOWN / size[seen])
-        left, values, _ = np.linalg.svd(flat[:, seen] * scale, full_matrices=False)
+        wide = np.full(visible.sum(), np.inf) if spread is None else spread[visible]
+        scale = np.minimum(wide, UNKNOWN / size[visible])
+        left, values, _ = np.linalg.svd(flat[:, visible] * scale, full_matrices=False)
         return cls(root, left, 1.0 - 1.0 / np.sqrt(1.0 + values**2))
 
     def removed(self, values: Array) -> Array:
-        """Series of the channels, (K, n, ...), whitened."""
+        """Whitened series of the channels, (K, n, ...)."""
         if not self.taken.size:
             return values
         weights = self.root.reshape(*self.root.shape, *[1] * (values.ndim - 2))

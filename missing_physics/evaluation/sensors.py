@@ -1,4 +1,4 @@
-"""The true channel behind a sensor whose error is known."""
+"""The true values of a channel, corrected for a known sensor error."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ __all__ = ["without_error"]
 
 Array = NDArray[np.float64]
 
-#: Rounds in which a true channel is found from a measured one. The first guess applies the opposite error;
-#: each round then reduces the remaining error by the ratio of sensor error to value.
+#: Rounds of successive substitution. The first guess applies the opposite error; each round then reduces the
+#: remaining error by the ratio of sensor error to value.
 ROUNDS = 2
 #: Largest delay of a sensor [s].
 LONGEST_DELAY = 0.5
 
 
 def without_error(time: Array, measured: Array, used: UsedEffect) -> Array:
-    """The true values that a sensor's error turns into the measured ones, by successive substitution.
+    """The true values that a sensor's error maps to the measured ones, by successive substitution.
 
     Args:
         time: instants [s], shape (N,), evenly spaced.
-        measured: at these, shape (N,).
+        measured: values at these instants, shape (N,).
         used: the error, a `SensorEffect`.
     """
     effect = used.effect
@@ -33,8 +33,8 @@ def without_error(time: Array, measured: Array, used: UsedEffect) -> Array:
     added = min(time.size - 1, int(LONGEST_DELAY / step))
     margin = step * np.arange(1, added + 1)
     instants = np.concatenate([time[0] - margin[::-1], time, time[-1] + margin])
-    seen = np.pad(measured, added, mode="reflect", reflect_type="odd")  # keeps value and slope at its ends
-    true = effect.apply(instants, seen, {name: -value for name, value in values.items()})
+    padded = np.pad(measured, added, mode="reflect", reflect_type="odd")  # keeps value and slope at its ends
+    true = effect.apply(instants, padded, {name: -value for name, value in values.items()})
     for _ in range(ROUNDS):
-        true = true + seen - effect.apply(instants, true, values)
+        true = true + padded - effect.apply(instants, true, values)
     return np.asarray(true[added : added + time.size])

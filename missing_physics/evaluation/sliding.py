@@ -1,13 +1,13 @@
-"""Where joints slide, so that the direction of their friction is known.
+"""Samples in which joints slide, so that the direction of their friction is known.
 
-Near a stop or a reversal the direction of dry friction does not follow from a smoothed velocity: within its
-noise the sign is not known, and where friction jumps, the acceleration jumps with it, which a filter rounds.
-A velocity whose slope changes by da within the memory m of the filter is wrong by up to about m da / 2 there.
-The friction of a joint slower than that may have any value up to its level c, as at rest: an error of
-standard deviation c in addition to the noise n of the compared signal. Such samples are therefore multiplied
-by n^2 / (n^2 + c^2), the part of their variance that is noise. This is done in the time domain, before the
-band's filter would spread the error. The remaining error is below n / 2 and vanishes for large friction. A
-vibrating link without dry friction is compared throughout.
+Near a stop or a reversal the direction of dry friction does not follow from a smoothed velocity. Within its
+noise the sign is not known; and when friction jumps, so does the acceleration, which a filter smooths. A
+velocity whose slope changes by da within the memory m of the filter is wrong by up to about m da / 2 there.
+The friction of a slower joint may have any value up to its level c, as at rest: an error of standard
+deviation c in addition to the noise n of the compared signal. Such samples are therefore multiplied by n^2 /
+(n^2 + c^2), the fraction of their variance that is noise. This is done in the time domain, before the band's
+filter would spread the error. The remaining error is below n / 2 and vanishes for large friction. A vibrating
+link without dry friction is compared throughout.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: Standard deviations of the velocity within which its sign is not known.
 NEAR = 3.0
-#: Largest rounding of a bend, as a part of filter memory times change of slope: that of a moving average.
+#: Largest error at a kink, as a fraction of filter memory times change of slope: that of a moving average.
 ROUNDED = 0.5
 
 
@@ -35,7 +35,7 @@ def slides(
         velocity, acceleration: smoothed, shape (N, n) [rad/s and rad/s^2, or m].
         noise: standard deviation of the smoothed velocity, shape (n,).
         memory: of the filter [s].
-        step: of time [s].
+        step: sampling time [s].
     """
     size = 2 * int(np.ceil(memory / step)) + 1
     change = maximum_filter1d(acceleration, size, axis=0) - minimum_filter1d(acceleration, size, axis=0)
@@ -43,7 +43,7 @@ def slides(
     random = NEAR * np.pi / memory * np.sqrt(3.0 / 5.0) * noise  # white noise below 1 / (2 memory)
     bend = ROUNDED * memory * np.sqrt(np.maximum(change**2 - random**2, 0.0))
     near = np.abs(velocity) <= NEAR * noise + bend
-    spread = int(np.ceil(memory / step)) | 1  # the filter spreads the friction there as far
+    spread = int(np.ceil(memory / step)) | 1  # the filter spreads friction this far
     return np.asarray(~maximum_filter1d(near, spread, axis=0))
 
 

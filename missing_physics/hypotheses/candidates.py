@@ -36,38 +36,38 @@ STATIC = 1.3
 
 @dataclass(frozen=True)
 class Candidate:
-    """A term, and what it replaces.
+    """A term that may be added to a hypothesis, and what it replaces there.
 
     Attributes:
         term: the effect with starting values.
-        held: parameters of the standard model that it replaces.
-        instead: key of the lower rung of its family that it replaces.
-        along: parameters of the standard model that are estimated together with it.
-        numbers: parameters of the term's law in the robot file that it changes; none for other terms.
+        held: parameters of the standard model that it replaces, with their fixed values.
+        instead: key of the term that it replaces, such as the lower rung of its family.
+        along: parameters of the standard model that must be estimated together with it.
+        freed_count: number of parameters of a law in the robot file that it frees; 0 for other terms.
     """
 
     term: Term
     held: tuple[tuple[str, float], ...] = ()
     instead: tuple[str, str] | None = None
     along: frozenset[str] = frozenset()
-    numbers: int = 0
+    freed_count: int = 0
 
     def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with this term."""
         kept = tuple(term for term in hypothesis.terms if term.key != self.instead)
-        whole = replace(hypothesis, terms=(*kept, self.term), filed=hypothesis.filed - self.along)
+        whole = replace(hypothesis, terms=(*kept, self.term), from_file=hypothesis.from_file - self.along)
         return whole.holding(dict(self.held))
 
 
 @dataclass(frozen=True)
 class Place:
-    """A joint as candidates see it.
+    """Data about a joint from which candidates start.
 
     Attributes:
-        extents: range of each recording at the joint; effects that are no events start from the first one.
-        coulomb: friction by the hypothesis to which candidates are added [N m or N].
+        extents: range of each recording at the joint; effects other than events start from the first one.
+        coulomb: Coulomb friction in the hypothesis to which candidates are added [N m or N].
         driven: whether an actuator moves it.
-        coupled: whether motors of a transmission move it, which then have the friction and the sensors.
+        coupled: whether motors move it through a transmission; friction and sensors are then at the motors.
     """
 
     extents: tuple[Extent, ...]
@@ -83,18 +83,18 @@ def candidates(
     channels: Collection[str],
     given: Sequence[Candidate] = (),
 ) -> Iterator[Candidate]:
-    """Every effect that the recordings could show, with each of its sets of starting values.
+    """All effects that the recordings could show, each with all its sets of starting values.
 
-    Effects on links are candidates where links bend and the hypothesis takes the bodies from the file; those
-    of rigid links follow from the estimated bodies (`missing_physics.answer.bodies`). Friction laws of the
-    robot file are candidates with the file's values where the hypothesis lacks them, and with one or all of
-    their parameters estimated where it has them.
+    Effects on links are candidates where links are flexible and the hypothesis takes the bodies from the
+    file; those of rigid links follow from the estimated bodies (`missing_physics.answer.bodies`). Friction
+    laws of the robot file are candidates with the file's values where the hypothesis lacks them, and with
+    one or all of their parameters estimated where it has them.
 
     Args:
         robot: nominal.
         hypothesis: the one to which effects are added.
         places: joints whose torque is compared.
-        channels: recorded in every recording.
+        channels: those present in every recording.
         given: effects of the robot file at joints.
     """
     terms = hypothesis.terms
@@ -106,7 +106,7 @@ def candidates(
         if not effect.is_searched or not effect.estimated:
             continue
         if effect.standard and effect.is_friction_law:
-            # the standard model has friction only at motors of transmissions: their joints may have it too
+            # The standard model has friction only at motors of transmissions; their joints may have it, too.
             behind = {name: place for name, place in places.items() if place.coupled}
             for joint, place in behind.items():
                 yield from _at_joint(effect, joint, place, terms)
@@ -115,7 +115,7 @@ def candidates(
         if isinstance(effect, BodyEffect):
             if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
                 yield Candidate(Term.of(effect, "base", {p.name: 0.0 for p in effect.parameters}))
-            if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.filed:
+            if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.from_file:
                 yield from _at_links(effect, robot, present)
             continue
         if isinstance(effect, ForceEffect):
@@ -130,20 +130,20 @@ def candidates(
                 continue
             if any(q not in KNOWN and f"{joint}.{q}" not in channels for q in effect.needs):
                 continue
-            if place.coupled and not _beside_motors(effect):
+            if place.coupled and not _applies_behind_motors(effect):
                 continue
             if isinstance(effect, JointEffect):
                 if (effect.id, joint) not in present:
                     yield from _at_joint(effect, joint, place, terms)
             elif isinstance(effect, SensorEffect):
                 yield from _at_sensors(effect, joint, place, channels, present)
-            elif _is_behind(effect, joint, channels) and (effect.id, joint) not in present:
+            elif _is_behind_only_encoder(effect, joint, channels) and (effect.id, joint) not in present:
                 for start in effect.starts(place.extents[0]):
                     yield Candidate(Term.of(effect, joint, _initial(effect, start, place.extents[0])))
 
 
 def _of_file(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
-    """A friction law of the robot file: as it is, or with further parameters estimated."""
+    """A friction law of the robot file: unchanged, or with further parameters estimated."""
     own = next((term for term in terms if term.key == given.term.key), None)
     if own is None:
         family, here = given.term.effect.family, [t for t in terms if t.at == given.term.at]
@@ -152,30 +152,30 @@ def _of_file(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
         return
     names = [p.name for p in own.effect.estimated if p.name not in own.freed]
     for more in [[name] for name in names] + ([names] if len(names) > 1 else []):
-        yield Candidate(own.freeing(*more), instead=own.key, numbers=len(more))
+        yield Candidate(own.freeing(*more), instead=own.key, freed_count=len(more))
 
 
 def _in_rows(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
-    """An effect of the robot file that the rows have already, with further parameters estimated."""
+    """An effect of the robot file already subtracted from the rows, with further parameters estimated."""
     own = next((term for term in terms if term.key == given.term.key), given.term)
     names = [p.name for p in own.effect.estimated if p.linear and p.name not in own.freed]
     for more in [[name] for name in names] + ([names] if len(names) > 1 else []):
-        yield Candidate(own.freeing(*more), instead=own.key, numbers=len(more))
+        yield Candidate(own.freeing(*more), instead=own.key, freed_count=len(more))
 
 
-def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:
-    """Whether the gear has only the motor's encoder; the difference of two would be more informative."""
+def _is_behind_only_encoder(effect: Effect, joint: str, channels: Collection[str]) -> bool:
+    """Whether a gear has only the motor's encoder; two encoders are compared by their difference instead."""
     return isinstance(effect, YieldingGear) and f"{joint}.position" not in channels
 
 
-def _beside_motors(effect: Effect) -> bool:
-    """Whether the effect is tried at joints whose friction, sensors and unknown forces are at motors."""
+def _applies_behind_motors(effect: Effect) -> bool:
+    """Whether an effect is tried at joints behind motors, which have friction, sensors and unknown forces."""
     plain = isinstance(effect, JointEffect) and not effect.is_unknown
     return plain and not effect.family and not effect.is_event and not effect.standard
 
 
 def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, str]]) -> Iterator[Candidate]:
-    """At every link; a load sits at its centre of mass, far end, or at joints; on a beam at its tip."""
+    """Candidates at every link: a load at its centre of mass, far end or joints; on a beam at its tip."""
     places = {p.name for p in effect.parameters} >= {"x", "y", "z"}
     for link in robot.links:
         if (effect.id, link.name) in present:
@@ -200,7 +200,7 @@ def _on_base(
     channels: Collection[str],
     present: Collection[tuple[str, str]],
 ) -> Iterator[Candidate]:
-    """On a free base without a gyro; gyros are compared first (`missing_physics.diagnosis.base`)."""
+    """Candidates on a free base without gyros (gyros: see `missing_physics.diagnosis.base`)."""
     if robot.base.kind != "free" or robot.transmissions or not places or (effect.id, "base") in present:
         return
     if any(channel.startswith("base.angular_velocity") for channel in channels):
@@ -213,7 +213,7 @@ def _on_base(
 def _reshaping(
     effect: StructureEffect, robot: Robot, places: Mapping[str, Place], present: Collection[tuple[str, str]]
 ) -> Iterator[Candidate]:
-    """At every link that bends and can have the effect; what the robot file has is taken as known."""
+    """Candidates at every flexible link that can have the effect; effects of the robot file are known."""
     known = {(use.effect, use.at) for use in robot.effects}
     for link in robot.flexible_links:
         if (effect.id, link.name) in {*present, *known} or not places:
@@ -255,7 +255,7 @@ def _at_joint(effect: Effect, joint: str, place: Place, terms: Sequence[Term]) -
     held: tuple[tuple[str, float], ...] = ()
     given: dict[str, float] = {}
     extent = place.extents[0]
-    if effect.family:  # a dry friction law contains the kinetic friction of the standard model
+    if effect.family:  # a dry friction law includes the kinetic friction of the standard model
         lower = next((t for t in here if t.effect.family == effect.family), None)
         if lower and lower.effect.rung >= effect.rung:
             return
@@ -276,13 +276,13 @@ def _at_joint(effect: Effect, joint: str, place: Place, terms: Sequence[Term]) -
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):
             values = _initial(effect, {**given, **start}, own)
-            for at_run in (run, None) if effect.is_event else (None,):  # once, or at this time in every run
+            for at_run in (run, None) if effect.is_event else (None,):  # in this run only, or in every run
                 term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own) | constant)
                 yield Candidate(term, held, instead, frozenset(f"{joint}.{name}" for name in effect.along))
 
 
 def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
-    """Bounds set by a recording: a wave longer than its travel is indistinguishable from a slope."""
+    """Bounds set by a recording; a wave longer than the travel is indistinguishable from a slope."""
     found = dict(effect.bounds(extent))
     travel = extent.position[1] - extent.position[0]
     if effect.is_wave and travel > 0.0:
@@ -292,7 +292,7 @@ def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
 
 
 def _initial(effect: Effect, start: Mapping[str, float], extent: Extent) -> dict[str, float]:
-    """Linear parameters start at zero effect, others at given or typical values."""
+    """Starting values: zero effect for linear parameters, given or typical values for others."""
     values = dict(effect.defaults())
     for p in effect.parameters:
         if p.name in start:

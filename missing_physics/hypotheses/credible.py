@@ -16,28 +16,28 @@ from robot_model import Robot
 __all__ = ["not_credible", "prior_of"]
 
 #: Standard gravity [m/s^2].
-#: Longest time over which the twist of a gear follows its torque, damping over stiffness [s]: that of a rotor
-#: which resonates on it at 10 Hz and is damped to a third of critical. Beyond it the gear would creep.
+#: Longest credible time constant of a gear's twist, damping over stiffness [s]: that of a rotor resonating on
+#: it at 10 Hz with a third of critical damping. A slower gear would creep.
 SLOWEST_TWIST = 0.01
-#: A credible range is two standard deviations wide to either side.
+#: A credible range extends two standard deviations to either side.
 WIDTH = 0.5
 
 
 def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
-    """Prior mean and standard deviation of a parameter; None where only the recordings determine its size."""
+    """Prior mean and standard deviation of a parameter; None if only the recordings determine its value."""
     if parameter.name in term.effect.priors:
         return term.effect.priors[parameter.name]
     known = credible_range(term.effect.id, parameter.name, term.at)
     if known is not None:
         return 0.0, WIDTH * max(-known.low, known.high)
-    # Behind the only encoder, damping also stands for a delay of the torque.
+    # Behind the only encoder, damping is confounded with a delay of the torque.
     if parameter.name == "damping" and "stiffness" in term.parameters and term.along:
         return 0.0, WIDTH * SLOWEST_TWIST * term.parameters["stiffness"]
     return None
 
 
 def not_credible(term: Term, robot: Robot, needed: float) -> str:
-    """Why a fitted term is not credible, in half a sentence; empty where it is.
+    """Why a fitted term is not credible, as a clause; empty if it is.
 
     Args:
         term: with fitted parameters.
@@ -70,5 +70,5 @@ def _is_real(effect: BodyEffect, term: Term, robot: Robot) -> bool:
     added = effect.terms({name: ca.SX(value) for name, value in term.parameters.items()})
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     parts = [added.mass, *ca.vertsplit(added.first_moment), *(added.inertia[pair] for pair in pairs)]
-    whole = link + np.array([float(ca.DM(part)) for part in parts])
-    return float(np.linalg.eigvalsh(pseudo_inertia(whole))[0]) > -1e-9 * abs(float(whole[0]))
+    total = link + np.array([float(ca.DM(part)) for part in parts])
+    return float(np.linalg.eigvalsh(pseudo_inertia(total))[0]) > -1e-9 * abs(float(total[0]))

@@ -14,14 +14,14 @@ __all__ = ["EDGES", "FEWEST_CYCLES", "STANDSTILL", "Sight", "extent_of"]
 
 Array = NDArray[np.float64]
 
-#: Speeds below this part of the largest one count as rest.
+#: Speeds below this fraction of the largest one count as rest.
 STANDSTILL = 0.02
-#: Fewest cycles over the travel that distinguish a wave from a slope; peaks of the spectrum that are tried.
+#: Fewest cycles over the travel that distinguish a wave from a slope; number of spectral peaks tried.
 FEWEST_CYCLES, PEAKS = 0.75, 2
-#: Bins of position for the spectrum along it.
+#: Position bins for the spectrum over position.
 BINS = 4096
-#: Edges of the grid on which a pulse is searched, the longest pulse as a part of the recording, the number of
-#: pulses that are tried, and the largest overlap of two pulses as a part of the shorter one.
+#: Edges of the grid on which pulses are searched, longest pulse as a fraction of the recording, number of
+#: pulses tried, and largest overlap of two pulses as a fraction of the shorter one.
 EDGES, LONGEST, PULSES, SHARED = 120, 0.4, 3, 0.3
 
 
@@ -31,7 +31,7 @@ class Sight:
 
     Attributes:
         time, position, velocity, torque, residual: at the rows, shape (K,).
-        step: sample time of the recording [s].
+        step: sampling time of the recording [s].
         cutoff: end of the band [Hz].
         gear_ratio: motor turns per joint turn.
     """
@@ -47,7 +47,7 @@ class Sight:
 
 
 def extent_of(sight: Sight) -> Extent:
-    """The extent from which effects choose their starts."""
+    """The range from which effects choose their starting values."""
     speed = np.abs(sight.velocity)
     moving = speed[speed > STANDSTILL * max(float(speed.max()), 1e-12)]
     return Extent(
@@ -66,7 +66,7 @@ def extent_of(sight: Sight) -> Extent:
 
 
 def _orders(sight: Sight) -> tuple[float, ...]:
-    """Strongest angular orders of the residual over position, plain and times the direction of motion."""
+    """Strongest angular orders over position of the residual, and of the residual times the direction."""
     travel = float(np.ptp(sight.position))
     speed = np.abs(sight.velocity)
     moving = speed > STANDSTILL * max(float(speed.max()), 1e-12)
@@ -89,7 +89,7 @@ def _orders(sight: Sight) -> tuple[float, ...]:
 
 
 def _pulses(sight: Sight) -> tuple[tuple[float, float], ...]:
-    """The time intervals in which a constant explains most of the residual, best first."""
+    """The time intervals in which a constant explains most of the residual, best first [s]."""
     count = sight.time.size
     edges = np.unique(np.linspace(0, count, EDGES + 1).astype(int))
     total = np.concatenate([[0.0], np.cumsum(sight.residual - sight.residual.mean())])[edges]

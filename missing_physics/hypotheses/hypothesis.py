@@ -9,10 +9,10 @@ from missing_physics.hypotheses.term import Term, offsets_of
 
 __all__ = ["BODIES", "TIMING", "Hypothesis"]
 
-#: In `Hypothesis.filed`: masses, centres and inertias of all bodies.
+#: In `Hypothesis.from_file`: masses, centres and inertias of all bodies.
 BODIES = "bodies"
-#: The common delay of the recorded torques behind the motion [s]; prefixed with a joint's name, the further
-#: delay of that joint.
+#: Common delay of the recorded torques relative to the motion [s]; prefixed with a joint's name, the
+#: additional delay of that joint.
 TIMING = "timing"
 
 
@@ -21,43 +21,43 @@ class Hypothesis:
     """A set of effects beyond the standard model.
 
     Attributes:
-        terms: the effects, no two of the same kind at the same place; those of the robot file among them.
+        terms: the effects, including those of the robot file; no two of the same kind at the same place.
         held: parameters of the standard model that are not estimated, with their fixed values.
-        filed: names of standard model parameters with the robot file's value, within its tolerance; `BODIES`
-            for all bodies.
-        accuracy: relative accuracy of the bodies where they are filed; that of usual files when None.
+        from_file: names of the standard model parameters with a tight prior at the robot file's value;
+            `BODIES` for all bodies.
+        accuracy: relative accuracy of the bodies where they are taken from the file; `FILE` when None.
     """
 
     terms: tuple[Term, ...] = ()
     held: tuple[tuple[str, float], ...] = ()
-    filed: frozenset[str] = frozenset()
+    from_file: frozenset[str] = frozenset()
     accuracy: float | None = None
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Equal for hypotheses that differ only in the values of their terms."""
+        """Key that is equal for hypotheses differing only in the values of their terms."""
         terms = sorted(
             (*t.key, -1 if t.run is None else t.run, t.along, t.is_given, *sorted(t.freed), *t.added)
             for t in self.terms
         )
-        return tuple(terms), tuple(sorted(self.held)), self.filed, self.accuracy
+        return tuple(terms), tuple(sorted(self.held)), self.from_file, self.accuracy
 
     @property
     def freed(self) -> tuple[tuple[Term, str], ...]:
-        """Terms of the robot file with the parameters that differ from it."""
+        """Terms of the robot file, each with the name of a parameter that may differ from the file."""
         return tuple((term, name) for term in self.terms for name in sorted(term.freed))
 
     def less(self, term: Term) -> Hypothesis:
-        """The hypothesis without what a term changes: a term of the robot file is as in the file again."""
-        return self.refiling(term) if term.freed and not term.in_rows else self.without(term)
+        """The hypothesis without a term; a term of the robot file gets the file's values again."""
+        return self.restoring(term) if term.freed and not term.in_rows else self.without(term)
 
-    def refiling(self, term: Term, *names: str) -> Hypothesis:
-        """The hypothesis with parameters of a term of the robot file as in the file; all without names."""
-        terms = (t.as_filed(*names) if t.key == term.key else t for t in self.terms)
+    def restoring(self, term: Term, *names: str) -> Hypothesis:
+        """The hypothesis with parameters of a term of the file restored to its values; all without names."""
+        terms = (t.restored(*names) if t.key == term.key else t for t in self.terms)
         return replace(self, terms=tuple(t for t in terms if t.freed or not t.in_rows))
 
     def without(self, term: Term) -> Hypothesis:
-        """The hypothesis without one term; standard model parameters that it replaced are free again."""
+        """The hypothesis without one term; standard model parameters that it replaced become free again."""
         left = tuple(other for other in self.terms if other.key != term.key)
         taken = {f"{term.at}.coulomb"} if term.effect.family else set()
         if offsets_of(term.effect) and not term.is_given:
@@ -68,9 +68,9 @@ class Hypothesis:
         return replace(self, terms=left, held=held)
 
     def holding(self, values: Mapping[str, float]) -> Hypothesis:
-        """The hypothesis with further parameters of the standard model held."""
+        """The hypothesis with further parameters of the standard model held at fixed values."""
         return replace(self, held=tuple({**dict(self.held), **values}.items()))
 
-    def filing(self, *names: str) -> Hypothesis:
+    def taking_from_file(self, *names: str) -> Hypothesis:
         """The hypothesis with further parameters taken from the robot file."""
-        return replace(self, filed=self.filed | set(names))
+        return replace(self, from_file=self.from_file | set(names))

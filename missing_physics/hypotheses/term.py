@@ -1,4 +1,4 @@
-"""One effect at one place with its parameters."""
+"""One effect at one place, with its parameters."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ class Term:
         effect: the catalogue entry.
         at: joint, link, `base` or channel.
         values: every parameter of the effect, in the order of the catalogue.
-        run: number of the one recording in which it acts; None where it acts in all of them.
+        run: number of the only recording in which it is present; None if it is present in all.
         limits: bounds narrower than the catalogue's, set by a recording's extent: name, lower, upper.
-        nominal: values in the robot file of a term that the file has; empty for any other.
-        freed: those of its parameters that are estimated where the file has the term; the others are held.
-        along: which of several signals drives it, such as an estimate of a torque; empty where there is one.
-        further: odds against it beyond those of any effect, for values that were chosen from many [nats].
-        located: parameters that a robot file has to state, and that are estimated here.
-        optional: numbers that the effect may lack; each is as improbable as another effect.
-        in_rows: whether the file's term is in the rows already, so that only changes of its parameters, which
-            are linear, contribute.
+        nominal: for a term of the robot file, its values there; empty for any other.
+        freed: for a term of the robot file, the parameters that are estimated; the others are fixed.
+        along: which of several signals drives it, such as an estimate of a torque; empty if there is one.
+        further: log odds against it beyond `ODDS`, for values chosen from many [nats].
+        located: parameters that locate the effect; a robot file must state them, here they are estimated.
+        optional: parameters that the effect may lack; each costs the prior odds of another effect.
+        in_rows: whether the file's term is already subtracted from the rows, so that only changes of its
+            linear parameters contribute.
     """
 
     effect: Effect
@@ -59,7 +59,7 @@ class Term:
         optional: frozenset[str] = frozenset(),
         located: frozenset[str] = frozenset(),
     ) -> Term:
-        """A term with the catalogue's defaults for values not given, within its bounds and narrower ones."""
+        """A term with the catalogue's defaults for missing values, clipped to its bounds and the limits."""
         given = {**effect.defaults(), **values}
         bounds = {p.name: (p.lower, p.upper) for p in effect.parameters} | dict(limits or {})
         inside = {name: min(max(float(given[name]), low), high) for name, (low, high) in bounds.items()}
@@ -73,7 +73,7 @@ class Term:
 
     @classmethod
     def given(cls, effect: Effect, at: str, values: Mapping[str, float], *, in_rows: bool = False) -> Term:
-        """A term that the robot file has, with the file's values."""
+        """A term of the robot file, with the file's values."""
         own = tuple(float(values[p.name]) for p in effect.parameters)
         return cls(effect, at, own, nominal=own, in_rows=in_rows)
 
@@ -84,7 +84,7 @@ class Term:
 
     @property
     def joint(self) -> str:
-        """Joint or body of the place, which may be a channel."""
+        """Joint or body of the place; for a channel, the joint or body in its name."""
         return self.at.split(".")[0]
 
     @property
@@ -99,7 +99,7 @@ class Term:
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """Parameters that are estimated; not those that a recording's extent leaves one value."""
+        """Parameters that are estimated; not those whose limits leave a single value."""
         held = {name for name, low, high in self.limits if low == high}
         if self.is_given:
             return tuple(p for p in self.effect.estimated if p.name in self.freed)
@@ -107,51 +107,51 @@ class Term:
         return tuple(p for p in every if p.name not in held)
 
     def is_linear(self, p: Parameter) -> bool:
-        """Whether recorded torques are linear in a parameter, along one motion."""
+        """Whether the torques along a recorded motion are linear in a parameter."""
         shares = self.effect.shares_torque and not self.in_rows
         return p.linear and not shares
 
     @property
-    def straight(self) -> tuple[float, ...]:
-        """Values of the estimated parameters that are linear, 0 for the others.
+    def linear_values(self) -> tuple[float, ...]:
+        """Values of the linear estimated parameters, 0 for non-linear ones.
 
-        Of a term that is in the rows, their differences from the robot file.
+        For a term already subtracted from the rows, their differences from the robot file.
         """
         values = self.parameters
-        begin = {p.name: self.filed(p.name) if self.in_rows else 0.0 for p in self.free}
+        begin = {p.name: self.file_value(p.name) if self.in_rows else 0.0 for p in self.free}
         return tuple(values[p.name] - begin[p.name] if self.is_linear(p) else 0.0 for p in self.free)
 
-    def filed(self, name: str) -> float:
-        """The robot file's value of a parameter of a term that the file has."""
+    def file_value(self, name: str) -> float:
+        """The robot file's value of a parameter of a term of the file."""
         return dict(zip((p.name for p in self.effect.parameters), self.nominal))[name]
 
     @property
     def added(self) -> tuple[str, ...]:
-        """Those of the optional numbers that it has."""
+        """Names of the optional parameters that the term has."""
         return tuple(p.name for p in self.free if p.name in self.optional)
 
     def lacking(self, name: str) -> Term:
-        """The term without an optional number."""
+        """The term without an optional parameter."""
         absent = self.effect.parameter(name).absent
         assert absent is not None
         limits = (*(own for own in self.limits if own[0] != name), (name, absent, absent))
         return replace(self, limits=limits).moved({name: absent})
 
     def having(self, name: str) -> Term:
-        """The term with an optional number that it lacks."""
+        """The term with an optional parameter that it lacks."""
         return replace(self, limits=tuple(own for own in self.limits if own[0] != name))
 
     def freeing(self, *names: str) -> Term:
         """A term of the robot file with further parameters estimated."""
         return replace(self, freed=self.freed | set(names))
 
-    def as_filed(self, *names: str) -> Term:
-        """A term of the robot file with these parameters as in the file again; all without names."""
+    def restored(self, *names: str) -> Term:
+        """A term of the robot file with the file's values for these parameters again; all without names."""
         freed = self.freed - set(names) if names else frozenset[str]()
         return replace(self, freed=freed).moved({})
 
     def moved(self, values: Mapping[str, float]) -> Term:
-        """The term with other values of some parameters, within the catalogue's bounds."""
+        """The term with other values of some parameters, clipped to the bounds."""
         limits = {name: (low, high) for name, low, high in self.limits}
         if not self.is_given:
             moved = Term.of(self.effect, self.at, {**self.parameters, **values}, limits=limits)
@@ -159,7 +159,7 @@ class Term:
         found = {**self.parameters, **values}
         for p in self.effect.parameters:
             inside = min(max(found[p.name], p.lower), p.upper)
-            found[p.name] = inside if p.name in self.freed else self.filed(p.name)
+            found[p.name] = inside if p.name in self.freed else self.file_value(p.name)
         for larger, smaller in self.effect.ordered:
             if larger in self.freed:
                 found[larger] = max(found[larger], found[smaller])
@@ -169,6 +169,6 @@ class Term:
 
 
 def offsets_of(effect: Effect) -> tuple[str, ...]:
-    """Parameters of an effect that are a constant torque, as the offset of the standard model is."""
+    """Parameters of an effect that are a constant torque, like the offset of the standard model."""
     own = (names for other, names in effect.contains.items() if get_effect(other).standard == "offset")
     return tuple(name for names in own for name in names.values())

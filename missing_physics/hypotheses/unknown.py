@@ -1,8 +1,8 @@
-"""Unnamed forces, for physics that the catalogue does not have: a free curve over a variable of the joint.
+"""Unnamed forces, for physics that is not in the catalogue: a free curve over a variable of the joint.
 
-The curve is a Chebyshev series between a lowest and a highest value, so that rarely visited parts follow from
-the rest of the curve, and a smooth curve takes few parameters. Its mean over the range is zero: offsets and
-friction are parameters of the standard model and estimated with it. Where such a force predicts better than
+The curve is a Chebyshev series between a lowest and a highest value. So rarely visited parts follow from the
+rest of the curve, and a smooth curve takes few parameters. Its mean over the range is zero: offsets and
+friction are parameters of the standard model and estimated with it. If such a force predicts better than
 every known effect, there is physics that the catalogue cannot name.
 """
 
@@ -22,12 +22,12 @@ __all__ = ["UNKNOWN", "UnknownForce"]
 #: Degree of a curve over the whole range, and over the speeds of one direction: a recording of a few travels
 #: resolves about a tenth of the range. Over time it is low: heat and wear change slowly, events have a start.
 OVER_POSITION, OVER_SPEED, OVER_TIME = 9, 6, 4
-#: Knots at which a curve is shown, over the range and over the speeds of one direction.
+#: Knots at which a curve is reported, over the range and over the speeds of one direction.
 KNOTS, KNOTS_OF_SPEED = 21, 11
 
 
 class UnknownForce(JointEffect):
-    """A curve of one variable, optionally times the direction of motion."""
+    """A force that is a curve over one variable, optionally times the direction of motion."""
 
     place = "joint"
     equation = "sum_i c_i (T_i(y) - mean of T_i), y = 2 (x - low) / (high - low) - 1, i from 1 on"
@@ -44,7 +44,7 @@ class UnknownForce(JointEffect):
     along: ClassVar[tuple[str, ...]] = ("offset",)
 
     def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Knots at which the curve is shown, for these parameters, shape (K,)."""
+        """Knots at which the curve is reported, for these parameters, shape (K,)."""
         return np.linspace(values["low"], values["high"], KNOTS)
 
     def shape(self) -> NDArray[np.float64]:
@@ -101,22 +101,22 @@ class _Smooth(UnknownForce):
 class _OfPosition(_Smooth):
     """A force that depends on the position."""
 
-    id, title, variable = "unknown_of_position", "A force of the position", "position"
+    id, title, variable = "unknown_of_position", "Position-dependent force", "position"
     parameters = _parameters(OVER_POSITION, "rad")
 
 
 class _OfDirectionAndPosition(_OfPosition):
     """A force against the motion that depends on the position."""
 
-    id, title = "unknown_of_direction_and_position", "A force of direction and position"
+    id, title = "unknown_of_direction_and_position", "Force dependent on direction and position"
     carrier = "direction"
     along = ("coulomb",)
 
 
 class _OfVelocity(UnknownForce):
-    """A force that depends on the velocity, with a step at rest; its knots are denser at slow speeds."""
+    """A force that depends on the velocity, with a step at zero; its knots are denser at low speeds."""
 
-    id, title, variable = "unknown_of_velocity", "A force of the velocity", "velocity"
+    id, title, variable = "unknown_of_velocity", "Velocity-dependent force", "velocity"
     along = ("viscous", "coulomb", "offset")
     parameters = _parameters(2 * OVER_SPEED, "rad/s")
 
@@ -147,17 +147,17 @@ class _OfVelocity(UnknownForce):
 
 
 class _OfTime(_Smooth):
-    """A force that drifts over the recordings."""
+    """A force that drifts over each recording in the same way."""
 
-    id, title, variable = "unknown_of_time", "A force of the time", "time"
+    id, title, variable = "unknown_of_time", "Time-dependent force", "time"
     of_joint = False
     parameters = _parameters(OVER_TIME, "s")
 
 
 class _OfDirectionAndTime(_OfTime):
-    """A force against the motion that drifts over the recordings: friction that warms, runs in or wears."""
+    """A force against the motion that drifts over a recording: friction that warms up, runs in or wears."""
 
-    id, title = "unknown_of_direction_and_time", "A force of direction and time"
+    id, title = "unknown_of_direction_and_time", "Force dependent on direction and time"
     carrier = "direction"
     along = ("coulomb",)
 

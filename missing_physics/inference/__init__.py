@@ -1,4 +1,4 @@
-"""Which hypotheses the recordings support: fits in the band of the motion, judged on data left out."""
+"""Fits hypotheses to recordings in the band of the motion, and weighs them by held-out data."""
 
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted

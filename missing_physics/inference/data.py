@@ -1,7 +1,8 @@
-"""Rows of recordings, cut into folds for cross-validation: all that fits and scores need to know of them.
+"""Rows of recordings, cut into folds for cross-validation: the interface that fits and scores use.
 
-Rows are of channels: torques of joints (`missing_physics.inference.torques`), or differences between two
-encoders of a joint (`missing_physics.diagnosis.gear`).
+A channel is the torque of a joint (`missing_physics.inference.torques`), the difference between the
+two encoders of a joint (`missing_physics.diagnosis.gear`), or a gyro of the base
+(`missing_physics.diagnosis.base`).
 """
 
 from __future__ import annotations
@@ -28,24 +29,24 @@ Mask = NDArray[np.bool_]
 
 #: Fold of blocks that are never fitted.
 HELD_OUT = -1
-#: Stretches into which a recording is cut, each of them a fold, and blocks per stretch: long compared with
+#: Stretches into which a recording is cut, each a fold, and blocks per stretch. A block is long compared with
 #: the correlation time of the residual.
 STRETCHES, BLOCKS = 8, 5
-#: Stretches that are held out where no recording is held out: apart from each other and from both ends.
+#: Stretches held out where no recording is: separated from each other and from both ends.
 OWN_HELD_OUT = (2, 6)
-#: With at least this many recordings, each of them is one fold: the others then still cover the motion.
+#: With at least this many recordings, each is one fold: the others still cover the motion.
 MANY = 5
 
 
 @dataclass(frozen=True)
 class Block:
-    """Rows of one recording that are predicted together.
+    """Consecutive rows of one recording that are scored together.
 
     Attributes:
         run: number of the recording.
-        rows: which of its rows.
-        fold: blocks of one fold are left out together; `HELD_OUT` for those that are never fitted.
-        count: rows that are compared in each channel, shape (n,).
+        rows: its rows.
+        fold: number of the fold, whose blocks are left out together; `HELD_OUT` for blocks never fitted.
+        count: number of rows compared in each channel, shape (n,).
     """
 
     run: int
@@ -55,13 +56,13 @@ class Block:
 
 
 class Columns(Protocol):
-    """What terms contribute to the rows, and its derivatives."""
+    """Contributions of terms to the rows, and their derivatives by the terms' parameters."""
 
     def prepare(self, terms: Sequence[Term], run: int) -> None:
-        """Compute the columns of several terms along one recording, which costs less than one at a time."""
+        """Compute the columns of several terms along one recording: cheaper than one at a time."""
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
-        """The channels in which a term acts, and its columns there, zero where nothing is compared.
+        """The channels to which a term contributes, and its columns there, zero where nothing is compared.
 
         Args:
             term: the effect.
@@ -72,7 +73,7 @@ class Columns(Protocol):
         """
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
-        """Sum of what terms contribute to one recording, zero where nothing is compared, shape (K, n)."""
+        """Summed contributions of terms to one recording, zero where nothing is compared, shape (K, n)."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,24 +82,24 @@ class Data(ABC):
 
     Attributes:
         robot: the nominal robot.
-        joints: name of each channel's joint.
+        joints: name of each channel's joint, or of the channel.
         layout: parameters of the standard model.
-        filed: values of these parameters in the robot file, shape (X,).
+        file_values: values of these parameters in the robot file, shape (X,).
         designs: derivatives of the rows by these parameters, one array (K, n, X) for each recording, the
             fitted ones first; zero where nothing is compared.
         blocks: of all recordings.
-        size: rms of what each channel recorded, shape (n,).
-        noise: rms in each channel that sensors leave, shape (n,).
-        error: that no hypothesis explains, rms in each channel, shape (n,).
-        independent: samples in a row: a low-pass passes two in a period of its cut-off.
-        given: effects of the robot file that are no parameters of the standard model, and what multiplies
-            them; a law that contains Coulomb friction holds that of the standard model.
+        size: rms of each recorded channel, shape (n,).
+        noise: rms of the sensor noise in each channel, shape (n,).
+        error: rms of the error of any model in each channel, which no hypothesis explains, shape (n,).
+        independent: independent samples per row: a low-pass passes two per period of its cut-off.
+        given: effects of the robot file that are not parameters of the standard model, and their modifiers;
+            a law that contains Coulomb friction holds that of the standard model fixed.
     """
 
     robot: Robot
     joints: tuple[str, ...]
     layout: Layout
-    filed: Array
+    file_values: Array
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
     size: Array
@@ -115,38 +116,40 @@ class Data(ABC):
 
     @property
     def start(self) -> Array:
-        """Parameters of the standard model where fits begin, shape (X,)."""
+        """Starting values of the parameters of the standard model, shape (X,)."""
         return self.layout.start
 
     @property
     def sigma(self) -> Array:
-        """rms residual of each channel where fits begin, shape (n,)."""
+        """Starting value of the rms residual of each channel, shape (n,)."""
         return self.size
 
     @abstractmethod
     def time(self, run: int) -> Array:
-        """Of the rows of one recording [s], shape (K,)."""
+        """Times of the rows of one recording [s], shape (K,)."""
 
     @abstractmethod
     def counted(self, run: int) -> Mask:
-        """Which rows of one recording are compared, shape (K, n)."""
+        """Mask of the rows of one recording that are compared, shape (K, n)."""
 
     @abstractmethod
     def target(self, run: int) -> Array:
-        """What the parameters predict in one recording, zero where nothing is compared, shape (K, n)."""
+        """Values to be fitted in one recording, zero where nothing is compared, shape (K, n)."""
 
     @abstractmethod
     def nominal(self, run: int) -> Array:
-        """What the robot file predicts in one recording, zero where nothing is compared, shape (K, n)."""
+        """Prediction of the robot file for one recording, zero where nothing is compared, shape (K, n)."""
 
     @abstractmethod
-    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
-        """What may be added to a hypothesis.
+    def candidates(
+        self, hypothesis: Hypothesis, parameters: Array, residual: Sequence[Array]
+    ) -> list[Candidate]:
+        """Candidates that may be added to a hypothesis.
 
         Args:
-            hypothesis: it.
-            numbers: its parameters of the standard model, shape (X,).
-            left: its residual in each fitted recording, zero where nothing is fitted, shape (K, n) each.
+            hypothesis: the fitted hypothesis.
+            parameters: its estimates of the standard model's parameters, shape (X,).
+            residual: of the fit in each fitted recording, zero where nothing is fitted, shape (K, n) each.
         """
 
     @property
@@ -156,51 +159,51 @@ class Data(ABC):
 
     @property
     def timing(self) -> tuple[str, ...]:
-        """Name of the delay that all channels share, where there is such a parameter."""
+        """Name of the delay common to all channels, if there is such a parameter."""
         return ()
 
     @property
     def delays(self) -> tuple[str, ...]:
-        """Names of the further delays of single channels."""
+        """Names of the additional delays of single channels."""
         return ()
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Names of parameters that the robot file states beside those of joints and bodies."""
+        """Names of parameters with a value in the robot file, other than those of joints and bodies."""
         return ()
 
     @property
     def orders(self) -> Array:
-        """How many angular orders of a wave over position each channel tells apart, shape (n,).
+        """Number of distinguishable angular orders of a wave over position in each channel, shape (n,).
 
-        One where candidates say it themselves (`Term.further`).
+        One where candidates account for it themselves (`Term.further`).
         """
         return np.ones_like(self.size)
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
-        """Those of `given` that the rows do not have."""
+        """The effects of `given` whose contribution is not yet subtracted from the rows."""
         return ()
 
     @property
     def about_numbers(self) -> Array:
-        """Parameters of the standard model about which the rows are linearised, shape (X,)."""
-        return np.zeros_like(self.filed)
+        """Standard model parameters at which the rows are linearised, shape (X,)."""
+        return np.zeros_like(self.file_values)
 
-    def about(self, numbers: Array) -> Self:
-        """The same rows, linearised about other parameters of the standard model, shape (X,)."""
+    def about(self, parameters: Array) -> Self:
+        """The same rows, linearised at other parameters of the standard model, shape (X,)."""
         return self
 
-    def with_bodies(self, numbers: Array, terms: Sequence[Term]) -> Array:
-        """Parameters of the standard model where bodies include what terms add to them, shape (X,)."""
-        return numbers
+    def with_bodies(self, parameters: Array, terms: Sequence[Term]) -> Array:
+        """Standard model parameters with the contributions of terms added to the bodies, shape (X,)."""
+        return parameters
 
     def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
-        """Whether rows linearised about the first parameters, (X,), serve for the second with these terms."""
+        """Whether rows linearised at the first parameters, (X,), are valid at the second with these terms."""
         return True
 
     def cut(self, terms: Sequence[Term]) -> Array:
-        """Rows of each block and channel whose recorded value terms cut off, shape (B, n)."""
+        """Number of rows of each block and channel that terms saturate, shape (B, n)."""
         return np.zeros_like(self.counts)
 
     def columns(self, term: Term, run: int) -> Array:
@@ -210,41 +213,41 @@ class Data(ABC):
             term: the effect.
             run: number of the recording.
         """
-        acts, values = self.terms.acting(term, run)
+        active, values = self.terms.acting(term, run)
         found = np.zeros((*self.counted(run).shape, 1 + len(term.free)))
-        found[:, acts] = values
+        found[:, active] = values
         return found
 
     @cached_property
-    def acts(self) -> tuple[Places, ...]:
-        """Parameters on which the rows of each channel depend, shape (u,) each."""
+    def active(self) -> tuple[Places, ...]:
+        """Indices of the parameters on which the rows of each channel depend, shape (u,) each."""
         return acting(self.designs)
 
     @cached_property
-    def own(self) -> tuple[tuple[Array, ...], ...]:
-        """Of each run's design, the columns of these parameters in each channel, shape (K, u) each."""
+    def active_columns(self) -> tuple[tuple[Array, ...], ...]:
+        """Columns of the parameters `active` in each recording and channel, shape (K, u) each."""
         return tuple(
-            tuple(np.ascontiguousarray(design[:, k, own]) for k, own in enumerate(self.acts))
+            tuple(np.ascontiguousarray(design[:, k, own]) for k, own in enumerate(self.active))
             for design in self.designs
         )
 
     def normal(self, fold: int | None = None) -> Normal:
-        """Normal equations of the standard model over the rows of one fold, or of all that are fitted."""
+        """Normal equations of the standard model over the rows of one fold, or of all fitted folds."""
         if fold not in self._normals:
             if fold is None:
                 self._normals[fold] = total_of([self.normal(each) for each in self.folds])
             else:
                 parts = []
                 for run, rows in self.stretches(fold):
-                    columns = [own[rows] for own in self.own[run]]
+                    columns = [own[rows] for own in self.active_columns[run]]
                     count = self.counted(run)[rows].sum(axis=0).astype(float)
                     target = self.target(run)[rows]
-                    parts.append(Normal.of(self.acts, columns, target, count, self.filed.size))
+                    parts.append(Normal.of(self.active, columns, target, count, self.file_values.size))
                 self._normals[fold] = total_of(parts)
         return self._normals[fold]
 
     def stretches(self, fold: int | None = None) -> list[tuple[int, slice]]:
-        """Runs and consecutive rows of one fold, or of all folds that are fitted."""
+        """Recordings and consecutive rows of one fold, or of all fitted folds."""
         found: list[tuple[int, slice]] = []
         for block in self.blocks:
             if block.fold == HELD_OUT or fold not in (None, block.fold):
@@ -262,26 +265,26 @@ class Data(ABC):
 
     @property
     def folds(self) -> tuple[int, ...]:
-        """The folds that are fitted."""
+        """Numbers of the fitted folds."""
         return tuple(sorted({block.fold for block in self.blocks} - {HELD_OUT}))
 
     @cached_property
-    def seen(self) -> NDArray[np.bool_]:
-        """Blocks that are fitted, shape (B,)."""
+    def fitted_blocks(self) -> NDArray[np.bool_]:
+        """Mask of the blocks that are fitted, shape (B,)."""
         return self.fold != HELD_OUT
 
     @property
     def fitted(self) -> int:
-        """How many recordings are fitted."""
+        """Number of recordings that are fitted."""
         return 1 + max(block.run for block in self.blocks if block.fold != HELD_OUT)
 
     @cached_property
     def counts(self) -> Array:
-        """Rows compared in each block and channel, shape (B, n)."""
+        """Number of rows compared in each block and channel, shape (B, n)."""
         return np.array([block.count for block in self.blocks])
 
-    def rows_seen(self, run: int) -> NDArray[np.bool_]:
-        """Which rows of a recording are fitted, shape (K,)."""
+    def fitted_rows(self, run: int) -> NDArray[np.bool_]:
+        """Mask of the rows of a recording that are fitted, shape (K,)."""
         found = np.zeros(self.time(run).size, dtype=bool)
         for block in self.blocks:
             if block.run == run and block.fold != HELD_OUT:
@@ -290,11 +293,11 @@ class Data(ABC):
 
 
 def blocks_of(counted: Sequence[Mask], fitted: int) -> tuple[Block, ...]:
-    """Blocks of all recordings; a quarter of each fitted one is held out where no recording is.
+    """Blocks of all recordings; without held-out recordings a quarter of each one is held out.
 
     Args:
-        counted: which rows of each recording are compared, shape (K, n) each.
-        fitted: how many of them are fitted; the others are held out.
+        counted: mask of the rows of each recording that are compared, shape (K, n) each.
+        fitted: number of recordings that are fitted; the others are held out.
     """
     found: list[Block] = []
     for i, own in enumerate(counted):
@@ -306,10 +309,10 @@ def blocks_of(counted: Sequence[Mask], fitted: int) -> tuple[Block, ...]:
 
 
 def held_out_windows(time: Array) -> tuple[tuple[float, float], ...]:
-    """Stretches of a recording that are held out where no recording is [s].
+    """Time intervals of a recording that are held out where no recording is [s].
 
     Args:
-        time: of the rows in the band [s], shape (K,).
+        time: times of the rows in the band [s], shape (K,).
     """
     cuts = np.linspace(0, time.size, STRETCHES * BLOCKS + 1).astype(int)
     return tuple(

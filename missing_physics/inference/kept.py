@@ -1,4 +1,4 @@
-"""Columns kept from one use to the next, and the steps of the differences by which they are derived."""
+"""Cache of columns, and the steps of the finite differences by which they are computed."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from reference_model.effects.base import Parameter
 
 __all__ = ["STEP", "Kept", "step_of"]
 
-#: Step of a difference in a parameter, as a part of its size or of a typical one: small beside the scale on
-#: which columns change, a resonance among them, and far above rounding.
+#: Step of a finite difference, as a fraction of the parameter's value or of a typical one: small compared
+#: with the scale on which columns change, even at a resonance, and far above rounding.
 STEP = 1e-3
-#: Most numbers that are kept of all recordings: 256 MB.
+#: Most floating-point numbers that are cached for all recordings: 256 MB.
 MOST = 32_000_000
 
 
@@ -26,18 +26,18 @@ V = TypeVar("V", bound=_Sized)
 
 
 class Kept(Generic[V]):
-    """What was computed last, by what it was computed for; the oldest is dropped where it is too much."""
+    """Cache of the arrays computed last; the oldest ones are dropped beyond `MOST` numbers."""
 
     def __init__(self) -> None:
         self._values: dict[Hashable, V] = {}
         self._size = 0
 
     def get(self, key: Hashable) -> V | None:
-        """What was kept for a key, if it still is."""
+        """The cached value of a key, or None."""
         return self._values.get(key)
 
     def keep(self, key: Hashable, value: V) -> V:
-        """Keep a value instead of what there was."""
+        """Cache a value, replacing an earlier one of the same key."""
         before = self._values.pop(key, None)
         self._size += value.size - (0 if before is None else before.size)
         self._values[key] = value
@@ -47,7 +47,7 @@ class Kept(Generic[V]):
 
 
 def step_of(term: Term, p: Parameter) -> float:
-    """Of a difference in a parameter of a term, towards the inside of its range."""
+    """Step of a finite difference in a parameter of a term, directed away from its upper bound."""
     value = term.parameters[p.name]
     size = STEP * max(abs(value), p.typical)
     ends = {name: high for name, _, high in term.limits}

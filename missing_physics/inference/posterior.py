@@ -1,7 +1,8 @@
-"""Probabilities of hypotheses and of effects.
+"""Posterior probabilities of hypotheses and of effects.
 
-Hypotheses are weighed by their log scores, the blocks resampled by the Bayesian bootstrap (pseudo-BMA+; Yao,
-Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)), so that evidence from a few blocks is not certain.
+Hypotheses are weighted by their log scores, with blocks resampled by the Bayesian bootstrap (pseudo-BMA+;
+Yao, Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)), so that evidence from a few blocks alone does
+not give certainty.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ __all__ = ["Posterior", "weighed"]
 
 Array = NDArray[np.float64]
 
-#: Draws of the bootstrap, by which a probability is known to a hundredth, and its seed, which makes an answer
+#: Draws of the bootstrap, which give probabilities to a hundredth, and its seed, which makes an answer
 #: reproducible.
 DRAWS, SEED = 2000, 20
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Hypotheses and how probable they are.
+    """Hypotheses and their posterior probabilities.
 
     Attributes:
-        fits: credible ones, most probable first.
+        fits: physically possible ones, most probable first.
         weights: their probabilities, shape (H,).
     """
 
@@ -38,17 +39,17 @@ class Posterior:
     weights: Array
 
     def probability(self, key: tuple[str, str]) -> float:
-        """Probability of an effect at a place: of all hypotheses that contain it."""
+        """Probability of an effect at a place: the sum over all hypotheses that contain it."""
         held = [key in {term.key for term in fit.hypothesis.terms} for fit in self.fits]
         return float(self.weights[held].sum())
 
     def freed(self, name: str) -> float:
-        """Probability that a parameter differs from the robot file: of all hypotheses that estimate it."""
+        """Probability that a parameter differs from the robot file: the sum over hypotheses that free it."""
         free = [_frees(fit, name) for fit in self.fits]
         return float(self.weights[free].sum())
 
     def of_family(self, at: str, family: str, rung: int) -> float:
-        """Probability of a family's effect of this rung or a higher one that the file lacks at a place."""
+        """Probability of an effect of a family, of at least this rung and not in the file, at a place."""
         return float(self.weights[[_holds(fit, at, family, rung) for fit in self.fits]].sum())
 
     def either(self, name: str, at: str, family: str | None) -> float:
@@ -60,7 +61,7 @@ class Posterior:
     def answer(self) -> Fit:
         """The most probable fit of the most probable set of effects.
 
-        Hypotheses of one set differ in their estimated parameters of the standard model and of the timing.
+        Hypotheses of one set differ in which standard model parameters and delays they estimate.
         """
         sets = [frozenset(term.key for term in fit.hypothesis.terms) for fit in self.fits]
         probable = {own: sum(w for w, other in zip(self.weights, sets) if other == own) for own in sets}
@@ -69,7 +70,7 @@ class Posterior:
 
 
 def _frees(fit: Fit, name: str) -> bool:
-    return name not in fit.hypothesis.filed and bool(fit.layout.free[fit.layout.names.index(name)])
+    return name not in fit.hypothesis.from_file and bool(fit.layout.free[fit.layout.names.index(name)])
 
 
 def _holds(fit: Fit, at: str, family: str, rung: int) -> bool:
@@ -78,13 +79,13 @@ def _holds(fit: Fit, at: str, family: str, rung: int) -> bool:
 
 
 def weighed(found: Search[Any]) -> Posterior:
-    """Weigh everything that was fitted."""
+    """Posterior over all fits of a search."""
     fits = found.fits
     scores = np.array([block_scores(found.data, fit, found.shares) for fit in fits])
-    before = np.array([prior(found.data, fit) for fit in fits])
+    priors = np.array([prior(found.data, fit) for fit in fits])
     blocks = scores.shape[1]
-    drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
-    total = drawn @ (scores - scores[0]).T + before
+    resampled = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
+    total = resampled @ (scores - scores[0]).T + priors
     total -= total.max(axis=1, keepdims=True)
     weights = np.exp(total)
     weights /= weights.sum(axis=1, keepdims=True)

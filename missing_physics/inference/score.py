@@ -1,17 +1,17 @@
-"""How well a hypothesis predicts data to which it was not fitted.
+"""Score of a hypothesis on data to which it was not fitted.
 
 Every block of rows is predicted by the fit to all other folds, held-out blocks by the fit to all folds.
-Errors of a block are Gaussian of a variance that scatters about one level s_j^2 of each joint, since models
-err more in some places than in others: together a multivariate Student's t,
+Errors of a block are Gaussian with a variance that scatters about one level s_j^2 of each joint, since models
+err more in some poses than in others. Together this is a multivariate Student's t,
 
     -sum_j sum_b (m_bj / 2 log s_j^2 + (nu + m_bj) / 2 log(1 + m_bj r_bj / (nu s_j^2)))
 
-with the mean square r_bj and the number m_bj = a_j n_bj of independent samples of the block, a_j by the
-autocorrelation of the residual (Geyer 1992). r_bj includes the error of the model. The part of a recorded
-torque that a saturation cuts off cannot be predicted, so it has the density of any torque: a Gaussian of its
-rms. Errors of a real machine are not white: this coarsened likelihood (Miller and Dunson, J. American
-Statistical Association 114 (2019)) weighs them by their information, and leaves the estimates those of
-weighted least squares.
+with the mean square error r_bj of the block and its number m_bj = a_j n_bj of independent samples, where a_j
+follows from the autocorrelation of the residual (Geyer 1992). r_bj includes the error of any model. Samples
+of the torque in saturation cannot be predicted; their density is a Gaussian with the torque's rms. Errors of
+a real machine are not white. This coarsened likelihood (Miller and Dunson, J. American Statistical
+Association 114 (2019)) weighs them by their information, and the estimates remain those of weighted least
+squares.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 #: Degrees of freedom of the scatter of the variance between blocks [-]: its standard deviation is about equal
 #: to its mean.
 SCATTER = 4.0
-#: Rounds of the level's estimate; in the last it changes by less than a thousandth.
+#: Rounds of estimating the level; it changes by less than a thousandth in the last one.
 ROUNDS = 12
 
 
@@ -56,9 +56,9 @@ def independent_shares(data: Data, fit: Fit) -> Array:
     longest = max(data.time(i).size for i in range(data.fitted))
     lags = np.zeros((longest // 2, joints))
     for i in range(data.fitted):
-        left = residuals(data, fit, i)
-        power = np.abs(np.fft.rfft(left, 2 * len(left), axis=0)) ** 2
-        own = np.fft.irfft(power, axis=0)[: len(left) // 2]
+        residual = residuals(data, fit, i)
+        power = np.abs(np.fft.rfft(residual, 2 * len(residual), axis=0)) ** 2
+        own = np.fft.irfft(power, axis=0)[: len(residual) // 2]
         lags[: len(own)] += own
     found = np.ones(joints)
     for k in range(joints):

@@ -25,7 +25,7 @@ def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float
         robot: nominal.
 
     Returns:
-        Lower and upper end; infinite where only recordings determine the parameter's size.
+        Lower and upper bound; infinite if only recordings determine the parameter's value.
     """
     row = credible_range(effect, parameter, place)
     if row is not None:
@@ -41,10 +41,10 @@ def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float
 
 
 def is_credible_number(name: str, estimate: float, nominal: float, robot: Robot) -> bool:
-    """Whether the robot file's number of a body or a rotor may be off by so much; true for other numbers.
+    """Whether the error of a body's or rotor's parameter in the robot file is credible; else true.
 
     Args:
-        name: of the number, `LINK.mass`, `LINK.first_moment.x`, `LINK.inertia.xx`, of a beam or a rotor.
+        name: of the parameter, `LINK.mass`, `LINK.first_moment.x`, `LINK.inertia.xx`, of a beam or a rotor.
         estimate, nominal: in its unit.
         robot: nominal.
     """

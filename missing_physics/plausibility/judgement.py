@@ -19,13 +19,13 @@ NOT_CREDIBLE = "it is not credible"
 def implausible(
     effect: str, place: str, values: Mapping[str, float], robot: Robot, *, needed: float = 0.0
 ) -> str:
-    """Why these values are not credible, in half a sentence; empty where they are.
+    """Why these values are not credible, as a clause; empty if they are.
 
     Args:
         effect, place: as in a robot file.
         values: its parameters.
         robot: nominal.
-        needed: largest torque that the recorded motion required at the joint [N m or N], 0 where not known.
+        needed: largest torque that the recorded motion required at the joint [N m or N], 0 if not known.
     """
     for name, value in values.items():
         row = credible_range(effect, name, place)
@@ -42,9 +42,10 @@ def implausible(
 
 
 def _gravity(values: Mapping[str, float], robot: Robot) -> str:
-    """Credible gravity: of the right size at any tilt on the ground; any in orbit or if the file has none.
+    """Why gravity is not credible: on the ground its magnitude is known; in orbit any gravity is credible.
 
-    Along the file's gravity a change shows only as far as masses are known, and is small where they are not.
+    Gravity along the file's direction is confounded with the masses, so only a small change is credible
+    there.
     """
     file = np.asarray(robot.gravity)
     size = float(np.linalg.norm(file))

@@ -1,6 +1,6 @@
-"""The one table of credible values: parameter, range, reason and source.
+"""Table of credible values: parameter, range, reason and source.
 
-A parameter that is not listed has the range of its catalogue entry. Sizes that depend on the robot or on the
+A parameter that is not listed has the range of its catalogue entry. Values that depend on the robot or on the
 recording (gravity, saturation, inertias) are judged in `judgement`.
 """
 
@@ -20,7 +20,7 @@ class Credible:
         quantity: last part of the channel to which it applies, such as `position`; "" for any place.
         low, high: the range, in `unit`.
         unit: of the parameter.
-        reason: why values beyond it are not credible, as half a sentence for people.
+        reason: why values beyond it are not credible, as a clause for the user.
         source: where the reason comes from.
     """
 
@@ -34,8 +34,8 @@ class Credible:
     source: str
 
 
-#: An encoder is read in every cycle of its drive or bus and is late by a few of them, not by tens of
-#: milliseconds [s].
+#: Largest delay of an encoder [s]: it is read in every cycle of its drive or bus and is delayed by a few
+#: cycles, not by tens of milliseconds.
 ENCODER_DELAY = 5e-3
 #: Largest delay of a torque sensor or a current [s]: filters of 10 Hz and up, in second order, and buses.
 TORQUE_DELAY = 0.05
@@ -135,16 +135,17 @@ TABLE: tuple[Credible, ...] = (
     ),
 )
 
-#: Standard deviation of a nominal mass property, as a part of its size: CAD lacks cables, screws and grease.
+#: Relative standard deviation of a nominal mass property: CAD models lack cables, screws and grease.
 #: Engineering judgement.
 INERTIAL_CHANGE = 0.3
-#: Smallest credible limit of an actuator, as a part of the torque that the recorded motion required: nominal
-#: masses are off by a third at most (the credible change of inertial parameters), and so is that torque.
+#: Smallest credible torque limit of an actuator, as a fraction of the torque that the recorded motion
+#: required: nominal masses are wrong by a third at most (credible change of inertial parameters), and so is
+#: that torque.
 SATURATION = 0.7
 
 
 def credible_range(effect: str, parameter: str, place: str) -> Credible | None:
-    """The table's row for a parameter of an effect at a place; None where there is none."""
+    """The table's row for a parameter of an effect at a place, or None."""
     quantities = place.split(".")[1:]
     for row in TABLE:
         if (row.effect, row.parameter) == (effect, parameter) and row.quantity in ("", *quantities):

@@ -1,4 +1,4 @@
-"""Torques of an arm that carry its weight, and a robot file without gravity."""
+"""Torques that include the weight of an arm although the robot file has no gravity."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from missing_physics.premises.carried import Carried
-from missing_physics.premises.evidence import Scale, log_evidence, log_nothing, scale_of
+from missing_physics.premises.evidence import Scale, log_absence, log_evidence, scale_of
 from missing_physics.premises.torque_scale import CERTAIN, REPORTED, stated
 from missing_physics.recordings import Finding, percent
 
@@ -23,7 +23,7 @@ ALONG = {(2, -1): 0.8, **dict.fromkeys([(2, 1), (0, 1), (0, -1), (1, 1), (1, -1)
 
 
 def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
-    """Findings of gravity that the torques show and the robot file lacks."""
+    """Findings of gravity that is visible in the torques but missing in the robot file."""
     robot = carried.robot
     if any(robot.gravity) or any(use.effect == "gravity" for use in robot.effects):
         return
@@ -37,10 +37,10 @@ def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
         return
     # The same rows under every hypothesis: each axis is compared with its absence.
     odds = []
-    for axis, sign, there in weighed:
-        scales = list(there.values())
+    for axis, sign, by_joint in weighed:
+        scales = list(by_joint.values())
         none = np.logaddexp(
-            math.log(NONE) + log_nothing(scales), math.log(SOMETHING) + log_nothing(scales, 1.0)
+            math.log(NONE) + log_absence(scales), math.log(SOMETHING) + log_absence(scales, 1.0)
         )
         prior = math.log((1.0 - NONE - SOMETHING) * ALONG[axis, sign])
         odds.append(prior + log_evidence(scales, [float(sign)] * len(scales)) - float(none))
@@ -48,8 +48,8 @@ def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
     probability = float(np.exp(odds[best] - np.logaddexp.reduce([0.0, *odds])))
     if probability <= REPORTED:
         return
-    axis, sign, there = weighed[best]
-    shares = {k: 1.0 - scale.left / scale.without for k, scale in there.items() if scale.without > 0.0}
+    axis, sign, by_joint = weighed[best]
+    shares = {k: 1.0 - scale.left / scale.without for k, scale in by_joint.items() if scale.without > 0.0}
     clearest = max(shares, key=lambda k: shares[k])
     channel, share = carried.channels[clearest], percent(shares[clearest])
     gravity = [0.0, 0.0, 0.0]

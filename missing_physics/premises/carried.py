@@ -1,7 +1,7 @@
-"""Loads of the actuators of a rigid arm along its motion, in few rows.
+"""Actuator loads of a rigid arm along its motion, decimated to few rows.
 
-Positions and torques pass through one zero-phase low-pass filter at the end of the band of the motion, as in
-`missing_physics.standard`, and are thinned to four rows per period of its end.
+Positions and torques pass one zero-phase low-pass filter at the end of the motion's band, as in
+`missing_physics.standard`, and are decimated to four rows per period of this frequency.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["Carried"]
 
 Array = NDArray[np.float64]
 
-#: Most samples that are read; from a longer recording, evenly spread stretches with as many in total.
+#: Most samples that are read; of a longer recording, as many in evenly spaced stretches.
 MOST_SAMPLES, STRETCHES = 100_000, 8
 #: Most rows that are used.
 MOST_ROWS = 4000
@@ -34,13 +34,13 @@ MOST_ROWS = 4000
 ROWS_PER_PERIOD, EDGE_PERIODS = 4, 2.0
 #: Order of the filter, forward and backward.
 ORDER = 4
-#: Speed, as a part of a joint's highest, below which the sign of its velocity is smoothed.
+#: Speed, as a fraction of a joint's highest, below which the sign of its velocity is smoothed.
 SLOW = 0.02
 
 
 @dataclass(frozen=True)
 class Carried:
-    """K rows of n joints.
+    """Actuator loads in K rows of n joints.
 
     Attributes:
         robot: nominal.
@@ -49,7 +49,7 @@ class Carried:
         torque: of the actuators, in the band, shape (K, n); zero where not known.
         known: joints whose torque channel is recorded and changes, shape (n,).
         noise: white noise of each torque channel within the band, shape (n,) [N m or N].
-        channels: from which the torques were taken, shape (n,); empty where not known.
+        channels: source channels of the torques, shape (n,); empty if not known.
         dynamic: torque that the motion requires without gravity, shape (K, n).
         weight: torque per gravitational acceleration along x, y, z, shape (K, n, 3) [N m s^2/m].
     """
@@ -68,7 +68,7 @@ class Carried:
 
     @classmethod
     def of(cls, robot: Robot, recording: Recording) -> Carried | None:
-        """Loads of a rigid robot on a fixed base with all positions recorded; None for any other."""
+        """Loads of a rigid robot on a fixed base with all positions recorded, else None."""
         joints = [drive.name for drive in robot.drives]
         plain = robot.base.kind == "fixed" and not robot.spherical_joints and not robot.flexible_links
         if not plain or not joints:
@@ -107,7 +107,7 @@ class Carried:
 
 
 def _stretches(recording: Recording) -> Iterator[Recording]:
-    """The whole recording, or the stretches of it that are read."""
+    """The complete recording, or the stretches of it that are read."""
     count, time = len(recording), recording.time
     if count <= MOST_SAMPLES:
         yield recording

@@ -1,4 +1,4 @@
-"""Torques that are not measured but equal a controller's command to rounding."""
+"""Torques that are not measured but equal a controller's command up to rounding."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WITHOUT = 30.0
 
 
 def command_findings(robot: Robot, recording: Recording) -> Iterator[Finding]:
-    """Findings of torques that are a linear function of reference and measured motion, as of a PD controller.
+    """Findings of torques that are a linear function of reference and measured motion, as from PD control.
 
     A measured torque has additional noise, however well a drive follows its command.
     """
@@ -33,10 +33,10 @@ def command_findings(robot: Robot, recording: Recording) -> Iterator[Finding]:
     for joint in robot.drives:
         torque, reference = f"{joint.name}.torque", f"{joint.name}.reference_position"
         if torque in recording and reference in recording and f"{joint.name}.position" in recording:
-            left = _left(recording, joint.name)
-            if left is None:
+            residual = _residuals(recording, joint.name)
+            if residual is None:
                 continue
-            with_reference, without, spread = left
+            with_reference, without, spread = residual
             rounding = max(ROUNDING * steps.get(torque, 0.0) / np.sqrt(12.0), SINGLE * spread)
             if with_reference < rounding and without > WITHOUT * with_reference:
                 found.append(torque)
@@ -53,8 +53,8 @@ def command_findings(robot: Robot, recording: Recording) -> Iterator[Finding]:
         )
 
 
-def _left(recording: Recording, joint: str) -> tuple[float, float, float] | None:
-    """Residual rms of the law with and without the reference, and rms of the torque; None if not known."""
+def _residuals(recording: Recording, joint: str) -> tuple[float, float, float] | None:
+    """rms residual of the law with and without the reference, and rms torque; None without enough data."""
     names = [f"{joint}.{q}" for q in ("reference_position", "position", "velocity", "reference_velocity")]
     names = [name for name in names if name in recording]
     channels = np.column_stack([recording[f"{joint}.torque"], *(recording[name] for name in names)])
@@ -78,5 +78,5 @@ def _rms(columns: Array, torque: Array) -> float:
     columns = columns - columns.mean(axis=0) * (np.ptp(columns, axis=0) > 0)
     size = np.linalg.norm(columns, axis=0)
     scaled = columns / np.where(size > 0.0, size, 1.0)
-    left = torque - scaled @ np.linalg.lstsq(scaled, torque, rcond=1e-13)[0]
-    return float(np.sqrt(np.mean(left**2)))
+    residual = torque - scaled @ np.linalg.lstsq(scaled, torque, rcond=1e-13)[0]
+    return float(np.sqrt(np.mean(residual**2)))

@@ -14,16 +14,16 @@ __all__ = ["computed_torque_findings"]
 
 Array = NDArray[np.float64]
 
-#: Part of a torque's energy in the residual of rigid bodies without friction. For measured torques of
-#: fourteen real machines it is 1.5e-3 or more at every joint; for a model's torque, logged by a robot, some
-#: 5e-5.
+#: Largest fraction of a computed torque's energy in the residual of rigid bodies without friction. For
+#: measured torques of fourteen real machines it is 1.5e-3 or more at every joint; for a model's torque logged
+#: by a robot, about 5e-5.
 MOST_LEFT = 3e-4
-#: White noise of a computed torque, as a part of its residual: below 1e-4 in such logs, some tenths or more
-#: where torques of a robot without friction are simulated with sensor noise.
+#: Largest white noise of a computed torque, as a fraction of its residual: below 1e-4 in such logs, several
+#: tenths or more if torques of a frictionless robot are simulated with sensor noise.
 NOISY = 1e-2
 #: Most rows that are used, and fewest rows per parameter.
 ROWS, PER_NUMBER = 1000, 3.0
-#: A joint counts if its torque changes by this part of the largest.
+#: A joint is used if its torque varies by this fraction of the largest.
 COUNTS = 1e-2
 RANK = 1e-7
 
@@ -39,14 +39,14 @@ def computed_torque_findings(carried: Carried) -> Iterator[Finding]:
     joints = np.flatnonzero(counts)
     if not joints.size:
         return
-    left = _left(carried, joints)
-    if left is None or not (left < MOST_LEFT).all():
+    residual = _residual_fractions(carried, joints)
+    if residual is None or not (residual < MOST_LEFT).all():
         return
-    if not (carried.noise[joints] < NOISY * np.sqrt(left) * spread[joints]).all():
+    if not (carried.noise[joints] < NOISY * np.sqrt(residual) * spread[joints]).all():
         return
     channels = [carried.channels[k] for k in joints]
     one = len(channels) == 1
-    worst = float(left.max())
+    worst = float(residual.max())
     yield Finding(
         "warning",
         "computed_torque",
@@ -59,8 +59,8 @@ def computed_torque_findings(carried: Carried) -> Iterator[Finding]:
     )
 
 
-def _left(carried: Carried, joints: NDArray[np.intp]) -> Array | None:
-    """Residual part of each joint's energy, corrected for the fitted parameters; None if rows are too few."""
+def _residual_fractions(carried: Carried, joints: NDArray[np.intp]) -> Array | None:
+    """Residual energy fraction of each joint, corrected for the number of parameters; None with few rows."""
     rows = np.unique(np.linspace(0, len(carried.torque) - 1, ROWS).astype(int))
     model = carried.model
     state = carried.position[rows], carried.velocity[rows], carried.acceleration[rows]
@@ -76,5 +76,5 @@ def _left(carried: Carried, joints: NDArray[np.intp]) -> Array | None:
     found, _, rank, _ = np.linalg.lstsq(columns, target, rcond=RANK)
     if target.size < PER_NUMBER * rank:
         return None
-    left = (target - columns @ found).reshape(-1, joints.size)
-    return np.asarray((left**2).mean(axis=0) * target.size / (target.size - rank))
+    residual = (target - columns @ found).reshape(-1, joints.size)
+    return np.asarray((residual**2).mean(axis=0) * target.size / (target.size - rank))

@@ -2,10 +2,10 @@
 
 A scale s of each joint is estimated by least squares. Its error includes the scatter between blocks of rows
 (jackknife) and that of an imperfect model: the residual may have a correlation of `ALIGNED` with the column
-of interest. Under a hypothesis that the channel is c times the torque, s is c times the error factors of the
-robot file's masses and gains, one common to all joints and one of each joint, whose logarithms have Student
-distributions; or, with a small probability, anything (`LOADED`: a counterbalance, a cable, a motion that
-hardly determines it).
+of interest. If the channel is c times the torque, s is c times the error factors of the robot file's masses
+and gains, one common to all joints and one for each joint, whose logarithms have Student distributions. With
+a small probability it has any value (`LOADED`: a counterbalance, a cable, a motion that hardly determines
+it).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Scale", "log_evidence", "log_nothing", "scale_of"]
+__all__ = ["Scale", "log_absence", "log_evidence", "scale_of"]
 
 Array = NDArray[np.float64]
 
-#: Correlation of the residual with a column that is no evidence of it.
+#: Correlation of the residual with a column below which it is no evidence for that column.
 ALIGNED = 0.1
 #: Widths of the logarithms of the factors, and degrees of freedom of their distributions.
 COMMON, OWN, FREEDOM = 0.35, 0.25, 4.0
-#: Probability that a joint carries a load that is not in the file, and the size of that load.
+#: Probability that a joint carries a load that is not in the file, and the relative magnitude of that load.
 LOADED, LOAD = 0.1, 1.0
 #: Blocks of rows.
 BLOCKS = 8
@@ -42,8 +42,8 @@ class Scale:
     Attributes:
         value: estimate.
         error: its standard deviation.
-        left: residual energy with the column, and without it [N^2 m^2].
-        without: the same without the column.
+        left: residual energy with the column [N^2 m^2].
+        without: residual energy without the column [N^2 m^2].
     """
 
     value: float
@@ -53,7 +53,7 @@ class Scale:
 
 
 def scale_of(column: Array, others: Array, torque: Array) -> Scale | None:
-    """The factor of `column` in `torque` in addition to `others`; None where these explain the column.
+    """The factor of `column` in `torque` in addition to `others`; None if these explain the column.
 
     Args:
         column: shape (K,).
@@ -88,7 +88,7 @@ def scale_of(column: Array, others: Array, torque: Array) -> Scale | None:
 
 
 def log_evidence(scales: Sequence[Scale], factors: Sequence[float]) -> float:
-    """Logarithm of the density of the estimates, joint k's channel being ``factors[k]`` times its torque."""
+    """Log density of the estimates if joint k's channel is ``factors[k]`` times its torque."""
     common, weights = _nodes(COMMON)
     own, own_weights = _nodes(OWN)
     total = np.log(weights)
@@ -100,8 +100,8 @@ def log_evidence(scales: Sequence[Scale], factors: Sequence[float]) -> float:
     return float(np.logaddexp.reduce(total))
 
 
-def log_nothing(scales: Sequence[Scale], width: float = 0.0) -> float:
-    """The same if the column is absent from the torques, or present with a factor of the order of `width`."""
+def log_absence(scales: Sequence[Scale], width: float = 0.0) -> float:
+    """Log density if the column is absent from the torques, or present with a factor of order `width`."""
     densities = (_normal(np.array([s.value]), float(np.hypot(s.error, width)))[0] for s in scales)
     return float(sum(np.log(max(density, 1e-300)) for density in densities))
 

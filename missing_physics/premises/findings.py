@@ -1,4 +1,4 @@
-"""All premises of a diagnosis, weighed."""
+"""Tests of all premises of a diagnosis."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def premise_findings(robot: Robot, recording: Recording) -> tuple[Finding, ...]:
         recording: with consistent channels.
 
     Returns:
-        Of kinds ``no_gravity``, ``motor_side``, ``current``, ``no_weight``, ``computed_torque`` and
-        ``command``; only ``command`` for a robot on a free base or with flexible links.
+        Findings of the kinds ``no_gravity``, ``motor_side``, ``current``, ``no_weight``, ``computed_torque``
+        and ``command``; only ``command`` for a robot on a free base or with flexible links.
     """
     carried = Carried.of(robot, recording)
     found: list[Finding] = list(command_findings(robot, recording))
@@ -60,21 +60,21 @@ def require_premises(
     *,
     as_recorded: bool = False,
 ) -> tuple[Finding, ...]:
-    """Evidence against premises of a diagnosis that does not refute them, each kind and channel once.
+    """Findings that cast doubt on premises without refuting them, once for each kind and channel.
 
     Args:
         robot: nominal.
         recordings: all that are fitted or scored.
         mapping: with which they were read, for sentences on how to correct it.
-        as_recorded: continue where a premise is refuted.
+        as_recorded: continue even if a premise is refuted.
 
     Raises:
         PremiseError: a premise is refuted.
     """
-    said: dict[tuple[str, str], Finding] = {}
+    doubts: dict[tuple[str, str], Finding] = {}
     for recording in recordings:
         for finding in premise_findings(robot, recording):
             if finding.severity == "error" and not as_recorded:
                 raise PremiseError(recording, finding, mapping)
-            said.setdefault((finding.kind, finding.channel), finding)
-    return tuple(said.values())
+            doubts.setdefault((finding.kind, finding.channel), finding)
+    return tuple(doubts.values())

@@ -9,19 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from missing_physics.premises.carried import Carried
-from missing_physics.premises.evidence import Scale, log_evidence, log_nothing, scale_of
+from missing_physics.premises.evidence import Scale, log_absence, log_evidence, scale_of
 from missing_physics.recordings import Correction, Finding
 from robot_model import Drive
 
 __all__ = ["CERTAIN", "REPORTED", "stated", "torque_scale_findings"]
 
-#: Prior probability that torques are not what their names say, shared by all kinds of it; and the part of it
-#: for all channels alike, the rest being for a single channel.
+#: Prior probability that torques are not what their names state, over all kinds of errors; and the fraction
+#: of it for all channels alike, the rest being for a single channel.
 WRONG, ALIKE = 0.2, 0.9
-#: A finding is reported where it is more likely than not, and is an error from the first probability on;
-#: alternatives are reported with it from the second probability on.
+#: Probabilities above which a finding is reported, above which it is an error, and above which alternatives
+#: are reported with it.
 REPORTED, CERTAIN, ALSO = 0.5, 0.99, 0.1
-#: Weight determines a scale where it varies by at least this part of what a joint may have to hold.
+#: Weight determines a scale if it varies by at least this fraction of the largest weight torque of a joint.
 CHANGES = 0.1
 
 
@@ -29,14 +29,14 @@ _OTHERS = {"motor_side": "before the gear", "current": "a current", "no_weight":
 
 
 @dataclass(frozen=True)
-class _Way:
-    """One way in which torque channels may not be what their names say.
+class _ChannelError:
+    """One way in which torque channels may not be what their names state.
 
     Attributes:
         kind: of the finding.
-        factor: of each joint's torque in its channel; 1 where it is right.
-        joints: those where it is not.
-        part: share of the prior probability of the kind.
+        factor: ratio of each joint's channel to its torque; 1 if the channel is right.
+        joints: indices of the wrong channels.
+        part: fraction of the prior probability of the kind.
     """
 
     kind: str
@@ -46,9 +46,9 @@ class _Way:
 
 
 def torque_scale_findings(carried: Carried) -> Iterator[Finding]:
-    """Findings of torques whose part due to weight contradicts their names.
+    """Findings of torques whose weight component contradicts their names.
 
-    Gravity is the best known part of a torque: neither rotors nor friction change it.
+    Weight is the best known component of a torque: neither rotors nor friction change it.
     """
     robot = carried.robot
     gravity = np.array(robot.gravity, dtype=float)
@@ -68,7 +68,7 @@ def torque_scale_findings(carried: Carried) -> Iterator[Finding]:
         return
     moving = [robot.drives[k] for k in joints]
     right = log_evidence(scales, [1.0] * len(scales))
-    ways = list(_ways(moving))
+    ways = list(_channel_errors(moving))
     kinds = len({way.kind for way in ways})
     weighed = [_evidence(way, scales) + math.log(WRONG / kinds * way.part) for way in ways]
     total = np.logaddexp.reduce([right + math.log1p(-WRONG), *weighed])
@@ -83,12 +83,12 @@ def torque_scale_findings(carried: Carried) -> Iterator[Finding]:
         yield _finding(carried, best, joints, scales, kinds_of)
 
 
-def _evidence(way: _Way, scales: Sequence[Scale]) -> float:
-    return log_nothing(scales) if way.kind == "no_weight" else log_evidence(scales, way.factor)
+def _evidence(way: _ChannelError, scales: Sequence[Scale]) -> float:
+    return log_absence(scales) if way.kind == "no_weight" else log_evidence(scales, way.factor)
 
 
-def _ways(joints: Sequence[Drive]) -> Iterator[_Way]:
-    """All channels alike, and one of them alone."""
+def _channel_errors(joints: Sequence[Drive]) -> Iterator[_ChannelError]:
+    """Errors of all channels alike, and of single channels."""
     count = len(joints)
     every = tuple(range(count))
     for kind, made in (("motor_side", _motor_side), ("current", _current)):
@@ -99,8 +99,10 @@ def _ways(joints: Sequence[Drive]) -> Iterator[_Way]:
         alone = [(k,) for k in concerned] if len(every) > 1 else []
         for chosen in [concerned, *alone]:
             part = 1.0 if not alone else ALIKE if chosen == concerned else (1.0 - ALIKE) / len(alone)
-            yield _Way(kind, tuple(factors[k] or 1.0 if k in chosen else 1.0 for k in every), chosen, part)
-    yield _Way("no_weight", (0.0,) * count, every)
+            yield _ChannelError(
+                kind, tuple(factors[k] or 1.0 if k in chosen else 1.0 for k in every), chosen, part
+            )
+    yield _ChannelError("no_weight", (0.0,) * count, every)
 
 
 def _motor_side(joint: Drive) -> float | None:
@@ -116,7 +118,11 @@ def _current(joint: Drive) -> float | None:
 
 
 def _finding(
-    carried: Carried, way: _Way, joints: Sequence[int], scales: Sequence[Scale], likely: Mapping[str, float]
+    carried: Carried,
+    way: _ChannelError,
+    joints: Sequence[int],
+    scales: Sequence[Scale],
+    likely: Mapping[str, float],
 ) -> Finding:
     concerned = [joints[k] for k in way.joints]
     channels = [carried.channels[k] for k in concerned]
@@ -143,7 +149,7 @@ def _finding(
         corrections = tuple(
             Correction(channel, scale=1.0 / way.factor[k]) for channel, k in zip(channels, way.joints)
         )
-        what = _what(way.kind, first, 1.0 / factor, one)
+        what = _description(way.kind, first, 1.0 / factor, one)
         sentence = (
             f"{names} {'is' if one else 'are'} {what} {known}: {measured}, and {factor:.3g} is expected then"
         )
@@ -161,7 +167,7 @@ def stated(probability: float) -> str:
     return "above 0.99" if probability > CERTAIN else f"{probability:.2f}"
 
 
-def _what(kind: str, joint: Drive, factor: float, one: bool) -> str:
+def _description(kind: str, joint: Drive, factor: float, one: bool) -> str:
     motor = joint.actuator
     assert motor is not None
     if kind == "motor_side":

@@ -1,4 +1,4 @@
-"""Recordings: a reader per format, mapping files, checks and writing."""
+"""Recordings: one reader per format, mapping files, checks and writing."""
 
 from missing_physics.recordings.channels.decimation import PASSES, decimated, decimation_of
 from missing_physics.recordings.channels.estimates import (

@@ -1,6 +1,6 @@
 """Presentation of a diagnosis: the HTML report, the rerun file and the printed summary.
 
-Each is loaded when it is first used: a command that prints a table needs neither Plotly nor rerun.
+Each is loaded on first use: a command that prints a table needs neither Plotly nor rerun.
 """
 
 from __future__ import annotations

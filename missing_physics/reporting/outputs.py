@@ -22,7 +22,7 @@ EXPERIMENT = re.compile(r"experiment_\d+\.csv")
 
 
 def write_outputs(result: Result, robot: Robot, out: Path, *, recordings: Sequence[Recording] = ()) -> None:
-    """Write all files of a diagnosis into `out`, replacing those of an earlier one, all or none."""
+    """Write all files of a diagnosis into `out`, atomically replacing those of an earlier one."""
     with replacing_set(out, _earlier(out)) as fresh:
         write_atomically(fresh / AUGMENTED, result.augmented_robot_toml)
         for name, text in result.experiment_motions.items():
@@ -33,7 +33,7 @@ def write_outputs(result: Result, robot: Robot, out: Path, *, recordings: Sequen
 
 
 def _earlier(out: Path) -> list[str]:
-    """Names of the files of an earlier diagnosis; its diagnosis.json lists the experiments among them."""
+    """Names of the files of an earlier diagnosis; those of experiments are listed in its diagnosis.json."""
     named: list[object] = []
     with suppress(OSError, ValueError, KeyError, TypeError):
         content = json.loads((out / DIAGNOSIS).read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""The standard identification model, which is shown next to every answer."""
+"""The standard identification model, reported next to every answer."""
 
 from missing_physics.standard.model import JointErrors, StandardModel, fit_standard
 from missing_physics.standard.rows import MODEL_ERROR, Sample

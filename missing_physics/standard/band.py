@@ -1,9 +1,9 @@
-"""The motion and the torque of a recording in the band in which a rigid model can be compared with it.
+"""Motion and torque of a recording in the band in which a rigid model can be compared with it.
 
 Following common practice (Gautier, "Dynamic identification of robots with power model", ICRA 1997; Janot,
-Vandanjon, Gautier, IEEE Trans. Control Systems Technology 22 (2014)): positions through a zero-phase low-pass
-filter and derivatives of it, then everything that is compared, measured or computed, through one narrower
-zero-phase filter, and only as many samples as the band holds.
+Vandanjon, Gautier, IEEE Trans. Control Systems Technology 22 (2014)): positions pass a zero-phase low-pass
+filter and are then differentiated. Everything that is compared, measured or computed, passes one narrower
+zero-phase filter, and only as many samples are kept as the band requires.
 """
 
 from __future__ import annotations
@@ -39,34 +39,33 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: The compared band reaches this many times the frequency below which the motion lies (Gautier 1997: two
-#: to five times the bandwidth of the motion).
+#: The band ends at this multiple of the motion's bandwidth (Gautier 1997: two to five times).
 BAND = 5.0
-#: Part of the position's energy about its mean that lies below that frequency; encoder noise has less
-#: influence on it than on the energy of a derivative.
+#: Fraction of the position's energy about its mean below the motion's bandwidth; encoder noise affects it
+#: less than the energy of a derivative.
 ENERGY = 0.999
-#: The band ends below this part of the sampling rate at the latest, where interpolation and delays of a
-#: fraction of a sample begin to count.
+#: Highest end of the band as a fraction of the sampling rate; above, interpolation and sub-sample delays
+#: matter.
 HIGHEST = 0.08
-#: and not below this frequency, which any robot's motion contains [Hz].
+#: Lowest end of the band [Hz]: any robot's motion contains this frequency.
 LOWEST = 2.0
-#: The filter of the positions is this much wider than the band, so that it does not affect the comparison.
+#: The position filter is wider than the band by this factor, so that it does not affect the comparison.
 WIDER = 5.0
-#: but at most this part of the sampling rate.
+#: Its largest cut-off as a fraction of the sampling rate.
 WIDEST = 0.25
 #: Samples kept per period of the band's end.
 SAMPLES_PER_PERIOD = 4
 #: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.
 SIGN_KNOWN = 1.25
-#: A joint slides at speeds above this part of the robot's largest one, and above three times the speed's
-#: noise; slower, stiction leaves its torque undetermined. A joint that covers less than this part of what the
-#: widest motion covers is held while others move: it gives way as gears and controllers do.
+#: A joint slides at speeds above this fraction of the robot's largest one, and above three times the speed's
+#: noise; below, stiction leaves its torque undetermined. A joint whose range of motion is below this fraction
+#: of the widest one is held while others move: it only yields with its gear and controller.
 SLOWEST = 1e-2
 
 
 @dataclass(frozen=True)
 class BandMotion:
-    """One recording on a uniform clock, before the band's filter, as dense as its smoothed motion requires.
+    """One recording on a uniform clock before the band's filter, at the rate that its smoothed motion needs.
 
     Attributes:
         source: name of the recording.
@@ -74,14 +73,14 @@ class BandMotion:
         position, velocity, acceleration: of the moving joints, smoothed, shape (N, n).
         torque: of the actuators at the joints, below two fifths of the rate, shape (N, n) [N m or N]; NaN
             columns where not recorded, zero where nothing drives the joint.
-        unsteady: standard deviation in the band of what samples and steps of the torque's recording leave
-            unknown, beyond white noise (`missing_physics.evaluation.steps`), shape (N, n) [N m or N].
-        rounding: rms of the part of it that is due to steps, shape (n,).
+        unsteady: standard deviation in the band of the torque's error due to sampling and quantisation,
+            beyond white noise (`missing_physics.evaluation.steps`), shape (N, n) [N m or N].
+        rounding: rms of the quantisation error alone, shape (n,).
         velocity_noise: standard deviation of the smoothed velocity, shape (n,).
         torque_noise: standard deviation of white torque noise per recorded sample, shape (n,).
         cutoff: end of the band [Hz].
-        smoothing: end of the positions' filter [Hz].
-        sampling: rate at which was recorded [Hz].
+        smoothing: cut-off of the position filter [Hz].
+        sampling: sampling rate of the recording [Hz].
     """
 
     source: str
@@ -126,16 +125,16 @@ class BandMotion:
 
     @property
     def memory(self) -> float:
-        """Time over which the filter of the positions smears an instant [s]."""
+        """Time over which the position filter spreads an instant [s]."""
         return 0.5 / self.smoothing
 
     def smooth(self, values: Array) -> Array:
-        """Apply the filter of the positions along the first axis."""
+        """Apply the position filter along the first axis."""
         return low_passed(values, rate=self.rate, cutoff=self.smoothing)
 
     @property
     def smooth_torque(self) -> Array:
-        """Torque after the filter of the positions, shape (N, n); NaN columns where not recorded."""
+        """Torque after the position filter, shape (N, n); NaN columns where not recorded."""
         known = np.isfinite(self.torque).all(axis=0)
         return np.where(known, self.smooth(np.where(known, self.torque, 0.0)), np.nan)
 
@@ -147,15 +146,15 @@ class BandMotion:
         return slice(edge, max(edge, self.time.size - edge), stride)
 
     def reduce(self, values: Array) -> Array:
-        """Filter along the first axis and keep as many samples as the band holds, shape (K, ...)."""
+        """Filter along the first axis and keep as many samples as the band requires, shape (K, ...)."""
         return low_passed(values, rate=self.rate, cutoff=self.cutoff)[self.kept]
 
     def shares(self, prismatic: NDArray[np.bool_], rest: Array) -> Array:
-        """Weight of every sample at each joint, 0 to 1, shape (N, n): one where it slides and does not creep.
+        """Weight of every sample at each joint, 0 to 1, shape (N, n): one where it slides fast enough.
 
         Args:
-            prismatic: which joints are, shape (n,): speeds are compared among those of one kind.
-            rest: weight of the other samples, shape (n,); none where a joint is held while others move.
+            prismatic: mask of prismatic joints, shape (n,): speeds are compared within each kind.
+            rest: weight of the other samples, shape (n,); zero for a joint held while others move.
         """
         speed, width = np.abs(self.velocity), self.position.std(axis=0)
         least = np.zeros(speed.shape[1])
@@ -165,13 +164,13 @@ class BandMotion:
                 least[kind & (width < SLOWEST * float(width[kind].max()))] = np.inf
         return shares(self.slides & (speed > least), np.where(np.isfinite(least), rest, 0.0))
 
-    def steadiness(self, left: Array) -> Array:
-        """Weight of every sample of a torque, 0 to 1, shape (N, n): usual variance over that of its error.
+    def steadiness(self, residual: Array) -> Array:
+        """Weight of every torque sample, 0 to 1, shape (N, n): usual variance over the variance of its error.
 
         Args:
-            left: rms of what a fit leaves of the torques in the band, shape (n,) [N m or N].
+            residual: rms residual of a fit in the band, shape (n,) [N m or N].
         """
-        usual = np.maximum(left, np.sqrt(np.mean(self.unsteady**2, axis=0)))
+        usual = np.maximum(residual, np.sqrt(np.mean(self.unsteady**2, axis=0)))
         above = self.unsteady > usual
         return np.where(above, (usual / np.where(above, self.unsteady, 1.0)) ** 2, 1.0)
 
@@ -215,7 +214,7 @@ def band_motion(
     Args:
         robot, recording: the positions of all moving joints must be recorded.
         cutoff: end of the band [Hz].
-        smoothing: end of the positions' filter [Hz]; wider than the band when left out.
+        smoothing: cut-off of the position filter [Hz]; `WIDER` times `cutoff` when None.
 
     Raises:
         InputError: the position of a moving joint is not recorded, or too few samples.
@@ -287,7 +286,7 @@ def _torque(
 
 
 def _step(robot: Robot, recording: Recording, joint: str) -> float:
-    """Step in which the torque of a joint is recorded, if known, else 0 [N m or N]."""
+    """Resolution of the recorded torque of a joint, if known, else 0 [N m or N]."""
     channel, factor = actuator_torque(robot, recording, joint)
     if channel is None:
         return 0.0
@@ -297,12 +296,12 @@ def _step(robot: Robot, recording: Recording, joint: str) -> float:
 
 
 def velocity_noise_of(position_noise: Array, rate: float, cutoff: float) -> Array:
-    """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
+    """rms velocity due to white position noise below `cutoff`: integral of (2 pi f)^2 times its density."""
     return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
 
 
 def _energy_below(position: Array, rate: float) -> float:
-    """Frequency below which the given part of the position's energy lies [Hz]; 0 for a joint at rest."""
+    """Frequency below which the fraction `ENERGY` of the position's energy lies [Hz]; 0 at rest."""
     window = np.hanning(position.size)
     energy = np.cumsum(np.abs(np.fft.rfft((position - position.mean()) * window)) ** 2)
     if energy[-1] <= 0.0:

@@ -1,4 +1,4 @@
-"""The model whose parameters are estimated, with the numbers of beams where links bend."""
+"""The model whose parameters are estimated, including those of beams where links are flexible."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ __all__ = ["model_of"]
 
 @kept
 def model_of(robot: Robot) -> RobotModel:
-    """The dynamics of a robot along motions of its drives; without numbers of beams if motors are coupled."""
+    """Dynamics of a robot along motions of its drives; without beam parameters if motors are coupled."""
     return drive_model(robot) if robot.transmissions else RobotModel(robot, beams=True)

@@ -41,21 +41,21 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Relative prior widths of the nominal mass properties that are compared, from nearly known to unknown.
+#: Relative prior widths of the nominal mass properties to choose from: nearly known to unknown.
 WIDTHS = (0.01, 0.05, 0.3, 2.0)
-#: Largest of them where links bend: their shapes of vibration are those of the robot file's masses.
+#: Largest of them where links are flexible: mode shapes are those of the robot file's masses.
 SHAPES = 0.3
 #: Relative error of a parameter in a correct robot file [-]: data sheets and CAD are good to some percent.
 FILE = 0.1
-#: and that of the common scale of all bodies, which is not identifiable for a robot without actuators: all
-#: estimates are in proportion to it.
+#: Relative error of the common scale of all bodies, which is not identifiable for a robot without actuators:
+#: all estimates are proportional to it.
 KEPT = 1e-3
-#: Parts of a recording, each left out once, and blocks per part, whose scatter gives the errors of the
-#: estimate: long compared with the correlation time of the residual.
+#: Folds of a recording, each left out once, and blocks per fold, whose scatter gives the errors of the
+#: estimate. A block is long compared with the correlation time of the residual.
 FOLDS, BLOCKS = 5, 6
 #: Rounds of reweighting; weights and estimate agree to a percent after three.
 ROUNDS = 3
-#: Width for the first weights, before widths are compared.
+#: Prior width for the first weights, before a width is chosen.
 FIRST = 0.3
 #: Weight of the barrier that keeps rotors and friction positive: its cost is far below one nat.
 BARRIER = 1e-3
@@ -72,7 +72,7 @@ class Estimate:
         values: of all parameters, shape (X,).
         deviation: standard deviation of each, shape (X,), from the scatter of blocks of rows; 0 where fixed.
         sigma: rms of each joint's residual in the fitted rows, shape (n,).
-        width: relative width of the nominal mass properties that was chosen.
+        width: chosen relative prior width of the nominal mass properties.
     """
 
     layout: Layout
@@ -87,7 +87,7 @@ class Estimate:
         return float(self.values[place]), float(self.deviation[place])
 
     def predicted(self, rows: Rows) -> Array:
-        """Torque less that of the robot's other effects, shape (K, n)."""
+        """Predicted torque minus that of the robot's other effects, shape (K, n)."""
         return design_of(rows) @ self.values
 
     def residual(self, rows: Rows) -> Array:
@@ -111,7 +111,7 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     found = minimise(layout, everything, sigma, FIRST, layout.start)
     sigma = residual_rms(everything, found)
     widths = [width for width in WIDTHS if width <= SHAPES or not layout.beams.size]
-    scores = {width: _left_out(layout, groups, everything, sigma, width) for width in widths}
+    scores = {width: _cross_validated(layout, groups, everything, sigma, width) for width in widths}
     chosen = min(scores, key=lambda width: scores[width])
     for _ in range(ROUNDS):
         found = minimise(layout, everything, sigma, chosen, found)
@@ -122,23 +122,23 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     )
 
 
-def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: Array) -> Weights:
-    """Weights of samples, by a first fit to all of them.
+def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], file_friction: Array) -> Weights:
+    """Weights of samples from a first fit to all of them.
 
     Args:
         model, nominal: see `estimate`.
         rows: of the fitted recordings, with the weight one everywhere.
-        filed: level of dry friction in the robot file, shape (n,).
+        file_friction: level of dry friction in the robot file, shape (n,).
     """
     layout = Layout.of(model, nominal, rows)
     blocks = [block for fold in _blocks(rows) for block in fold]
     everything, found = total_of(blocks), layout.start
-    for _ in range(2):  # the second time with the weights of the first
+    for _ in range(2):  # the second round uses the weights of the first
         sigma = residual_rms(everything, found)
         found = minimise(layout, everything, sigma, FIRST, found)
     deviation = _deviation(layout, blocks, everything, sigma, FIRST, found)
     places = [layout.names.index(f"{joint}.coulomb") for joint in model.joints]
-    dry = np.maximum(np.hypot(found[places], deviation[places]), filed)  # rms of what it may be
+    dry = np.maximum(np.hypot(found[places], deviation[places]), file_friction)  # rms of its possible values
     noise = np.sqrt(np.mean([own.noise**2 for own in rows], axis=0))
     scale = np.sqrt(np.mean(np.concatenate([own.scale for own in rows]) ** 2, axis=0))
     rest = determined(np.hypot(noise, MODEL_ERROR * scale), dry)
@@ -146,27 +146,27 @@ def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: A
 
 
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:
-    """Blocks of rows, grouped by what is left out together: recordings, or parts of a single recording."""
+    """Blocks of rows, grouped by fold: recordings, or stretches of a single recording."""
     designs = [np.where(r.counted[:, :, None], design_of(r), 0.0) for r in rows]
-    acts, folds = acting(designs), []
+    active, folds = acting(designs), []
     for r, design in zip(rows, designs):
         parts = 1 if len(rows) >= FOLDS else FOLDS
         cuts = np.linspace(0, r.time.size, parts * BLOCKS + 1).astype(int)
-        columns = [design[:, k, own] for k, own in enumerate(acts)]
+        columns = [design[:, k, own] for k, own in enumerate(active)]
         torque = np.where(r.counted, r.torque, 0.0)
         blocks = []
         for first, last in pairwise(cuts):
             within = [own[first:last] for own in columns]
             counted = r.counted[first:last].sum(axis=0).astype(float)
-            blocks.append(Normal.of(acts, within, torque[first:last], counted, design.shape[2]))
+            blocks.append(Normal.of(active, within, torque[first:last], counted, design.shape[2]))
         folds += [blocks[k * BLOCKS : (k + 1) * BLOCKS] for k in range(parts)]
     return folds
 
 
-def _left_out(
+def _cross_validated(
     layout: Layout, groups: Sequence[Normal], everything: Normal, sigma: Array, width: float
 ) -> float:
-    """Weighted squared error of every group by the fit to all others."""
+    """Cross-validated weighted squared error: every fold predicted by the fit to all others."""
     total = 0.0
     start = minimise(layout, everything, sigma, width, layout.start)
     for k, group in enumerate(groups):
@@ -184,14 +184,14 @@ def residual_rms(problem: Normal, x: Array) -> Array:
 
 
 def minimise(layout: Layout, problem: Normal, sigma: Array, width: float, start: Array) -> Array:
-    """Damped Newton's method from inside the feasible set; the function is convex."""
+    """Minimum of the convex objective by damped Newton steps from inside the feasible set, shape (X,)."""
     free, size = layout.free, layout.size[layout.free]
-    among, lengths = np.ix_(free, free), np.outer(size, size)
-    whole = _Weighted.of(problem, sigma)
+    estimated, scales = np.ix_(free, free), np.outer(size, size)
+    weighted = _Weighted.of(problem, sigma)
     x = start.copy()
-    value, gradient, hessian = _objective(layout, whole, width, x)
+    value, gradient, hessian = _objective(layout, weighted, width, x)
     for _ in range(MOST_STEPS):
-        scaled = hessian[among] * lengths
+        scaled = hessian[estimated] * scales
         scaled[np.diag_indices(len(scaled))] += 1e-12 * np.trace(scaled) / max(len(scaled), 1)
         step = np.zeros_like(x)
         step[free] = -size * np.linalg.solve(scaled, size * gradient[free])
@@ -200,7 +200,7 @@ def minimise(layout: Layout, problem: Normal, sigma: Array, width: float, start:
             break
         length = 1.0
         while length > 1e-9:
-            after = _objective(layout, whole, width, x + length * step)
+            after = _objective(layout, weighted, width, x + length * step)
             if after[0] <= value - 0.1 * length * decrement:
                 break
             length *= 0.5
@@ -213,7 +213,7 @@ def minimise(layout: Layout, problem: Normal, sigma: Array, width: float, start:
 def objective(
     layout: Layout, problem: Normal, sigma: Array, width: float, x: Array
 ) -> tuple[float, Array, Array]:
-    """Value, gradient and second derivative; the value is infinite outside the feasible set."""
+    """Value, gradient and Hessian of the objective; the value is infinite outside the feasible set."""
     return _objective(layout, _Weighted.of(problem, sigma), width, x)
 
 
@@ -235,13 +235,13 @@ class _Weighted:
         return cls(*problem.weighted(weight), float(weight @ problem.square))
 
 
-def _objective(layout: Layout, whole: _Weighted, width: float, x: Array) -> tuple[float, Array, Array]:
+def _objective(layout: Layout, weighted: _Weighted, width: float, x: Array) -> tuple[float, Array, Array]:
     positive = x[layout.positive]
     if np.any(positive <= 0.0):
         return np.inf, x, np.zeros((0, 0))
-    hessian, pulled = whole.gram.copy(), whole.gram @ x
-    gradient = pulled - whole.right
-    value = 0.5 * max(whole.square + float((pulled - 2.0 * whole.right) @ x), 0.0)
+    hessian, pulled = weighted.gram.copy(), weighted.gram @ x
+    gradient = pulled - weighted.right
+    value = 0.5 * max(weighted.square + float((pulled - 2.0 * weighted.right) @ x), 0.0)
     value -= BARRIER * float(np.log(positive / layout.size[layout.positive]).sum())
     gradient[layout.positive] -= BARRIER / positive
     hessian[layout.positive, layout.positive] += BARRIER / positive**2
@@ -256,7 +256,7 @@ def _objective(layout: Layout, whole: _Weighted, width: float, x: Array) -> tupl
     if layout.beams.size:
         if np.any(x[layout.beams] <= 0.0):
             return np.inf, x, np.zeros((0, 0))
-        ratio = x[layout.beams] / layout.start[layout.beams]  # the divergence of a body that is one number
+        ratio = x[layout.beams] / layout.start[layout.beams]  # divergence of a scalar
         value += float(np.sum(ratio - np.log(ratio) - 1.0)) / width**2
         gradient[layout.beams] += (1.0 - 1.0 / ratio) / layout.start[layout.beams] / width**2
         hessian[layout.beams, layout.beams] += 1.0 / x[layout.beams] ** 2 / width**2
@@ -265,13 +265,13 @@ def _objective(layout: Layout, whole: _Weighted, width: float, x: Array) -> tupl
         value += 0.5 * (off / KEPT) ** 2
         gradient += layout.scale * off / KEPT**2
         hessian += np.outer(layout.scale, layout.scale) / KEPT**2
-    if layout.beside is not None:
-        known, places = layout.beside, layout.places_beside
+    if layout.extra is not None:
+        known, places = layout.extra, layout.extra_places
         pull = known.matrix @ x[places] - known.vector
         value += 0.5 * float((pull - known.vector) @ x[places])
         gradient[places] += pull
         hessian[np.ix_(places, places)] += known.matrix
-    own = layout.own  # a parameter that the rows do not determine stays small
+    own = layout.gaussian  # keeps parameters that the rows do not determine small
     away = (x[own] - layout.centre[own]) / layout.width[own]
     value += 0.5 * float(np.sum(away**2))
     gradient[own] += away / layout.width[own]
@@ -287,12 +287,12 @@ def _deviation(
     width: float,
     x: Array,
 ) -> Array:
-    """Standard deviations by the scatter of the blocks' scores (sandwich), including the prior."""
+    """Standard deviations from the scatter of the blocks' scores (sandwich), including the prior, (X,)."""
     free = layout.free
     size, weight = layout.size[free], 1.0 / sigma**2
-    among = np.ix_(free, free)
-    hessian = objective(layout, everything, sigma, width, x)[2][among] * np.outer(size, size)
-    information = everything.weighted(weight)[0][among] * np.outer(size, size)
+    estimated = np.ix_(free, free)
+    hessian = objective(layout, everything, sigma, width, x)[2][estimated] * np.outer(size, size)
+    information = everything.weighted(weight)[0][estimated] * np.outer(size, size)
     inverse = np.linalg.pinv(hessian, hermitian=True)
     pulls = (block.weighted(weight) for block in blocks)
     scores = np.array([(right - gram @ x)[free] * size for gram, right in pulls])
@@ -311,7 +311,7 @@ def design_of(rows: Rows) -> Array:
     kinds = rows.friction.shape[2]
     design = np.zeros((count, joints, numbers + joints * kinds))
     design[:, :, :numbers] = rows.inertial
-    design[:, :, numbers - 3 : numbers] = 0.0  # gravity is known and acts through the masses
+    design[:, :, numbers - 3 : numbers] = 0.0  # gravity is known, and included in the masses' columns
     for k in range(joints):
         design[:, k, numbers + k * kinds : numbers + (k + 1) * kinds] = rows.friction[:, k]
     design[:, :, numbers:] = rows.vibration.removed(design[:, :, numbers:])

@@ -1,4 +1,4 @@
-"""The parameters of the standard model, their starting values and typical sizes."""
+"""The parameters of the standard model, their starting values and scales."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ __all__ = ["Information", "Layout", "bodies_of", "is_known", "length_of"]
 
 Array = NDArray[np.float64]
 
-#: A body lighter than this part of the robot is an auxiliary frame without mass.
+#: A body lighter than this fraction of the robot is an auxiliary frame without mass.
 MASSLESS = 1e-9
-#: Starting value of a non-negative parameter, as a part of its size: inside the feasible set.
+#: Starting value of a non-negative parameter, as a fraction of its scale: inside the feasible set.
 START = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """Information about parameters from channels that are not compared: logarithm of a likelihood.
+    """Information on parameters from channels outside the rows, as a quadratic log-likelihood.
 
     Attributes:
         names: of the parameters.
-        matrix, vector: the logarithm is vector.x - x.matrix.x / 2, shapes (Q, Q) and (Q,).
+        matrix, vector: the log-likelihood is vector.x - x.matrix.x / 2, shapes (Q, Q) and (Q,).
         is_off: whether it prefers bodies other than the robot file's.
     """
 
@@ -48,37 +48,37 @@ class Layout:
 
     Attributes:
         names: of all parameters.
-        start: starting values, shape (X,): the nominal ones, with bodies made solid.
+        start: starting values, shape (X,): the nominal ones, with bodies made physically consistent.
         free: whether a parameter is estimated, shape (X,).
         bodies: indices of the ten parameters of each estimated body.
-        own: indices of the estimated parameters of joints: rotors and friction.
-        positive: those of `own` that are not negative.
-        size: scale of each parameter, shape (X,): its value if it alone made the recorded torque.
-        centre, width: of the Gaussian prior of each parameter of `own`, shape (X,): zero and `size`.
-        beams: indices of the estimated numbers of beams, which are positive.
+        gaussian: indices of the estimated parameters with a Gaussian prior: rotors and friction.
+        positive: those of `gaussian` that are not negative.
+        size: scale of each parameter, shape (X,): its value if it alone caused the recorded torque.
+        centre, width: of the Gaussian prior of each parameter, shape (X,): zero and `size`.
+        beams: indices of the estimated parameters of beams, which are positive.
         scale: derivative of the bodies' common scale, which is one at the file's values, by all parameters,
             shape (X,); zero where torques determine it.
-        beside: what other channels say of the parameters; None where there are none.
+        extra: information on the parameters from other channels; None without any.
     """
 
     names: tuple[str, ...]
     start: Array
     free: NDArray[np.bool_]
     bodies: tuple[slice, ...]
-    own: NDArray[np.int_]
+    gaussian: NDArray[np.int_]
     positive: NDArray[np.int_]
     size: Array
     centre: Array
     width: Array
     scale: Array
     beams: NDArray[np.int_]
-    beside: Information | None = None
+    extra: Information | None = None
 
     @cached_property
-    def places_beside(self) -> NDArray[np.int_]:
-        """Where the parameters of `beside` are, shape (Q,)."""
+    def extra_places(self) -> NDArray[np.int_]:
+        """Indices of the parameters of `extra`, shape (Q,)."""
         return np.array(
-            [self.names.index(name) for name in self.beside.names] if self.beside else [], dtype=int
+            [self.names.index(name) for name in self.extra.names] if self.extra else [], dtype=int
         )
 
     @classmethod
@@ -102,13 +102,13 @@ class Layout:
         moved = np.any([r.measured.any(axis=0) for r in rows], axis=0)
         driven = np.array(_driven(robot)) & moved
         torque = _rms([r.scale for r in rows])
-        felt = _rms(
+        rotor_columns = _rms(
             [r.inertial[:, :, rotors : rotors + torque.size].diagonal(axis1=1, axis2=2) for r in rows]
         )
         speed = _rms([r.friction[:, :, 0] for r in rows])
         for k, name in enumerate(model.joints):
             own = slice(count + k * len(FRICTION), count + (k + 1) * len(FRICTION))
-            size[rotors + k] = torque[k] / felt[k]
+            size[rotors + k] = torque[k] / rotor_columns[k]
             size[own] = torque[k] / speed[k], torque[k], torque[k]
             free[own] = slides[k]
             free[rotors + k] = slides[k] and driven[k] and not is_known(robot, f"{name}.reflected_inertia")
@@ -116,21 +116,23 @@ class Layout:
         size[beams] = np.where(start[beams] > 0.0, start[beams], 1.0)
         free[beams] = [start[i] > 0.0 and not is_known(robot, names[i]) for i in beams]
         signed = np.array([name.endswith(".offset") for name in names])
-        mine = np.array([not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))])
-        mine[beams] = False
-        positive = np.flatnonzero(free & mine & ~signed)
+        jointwise = np.array(
+            [not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))]
+        )
+        jointwise[beams] = False
+        positive = np.flatnonzero(free & jointwise & ~signed)
         start[positive] = np.maximum(start[positive], START * size[positive])
-        estimated = np.flatnonzero(free & mine)
+        estimated = np.flatnonzero(free & jointwise)
         scale = np.zeros_like(size)
         if not moved.any():
-            felt_at = np.any([r.inertial.any(axis=(0, 1)) for r in rows], axis=0)[:-3]
-            scale[: felt_at.size] = held_scale(felt_at, nominal[:-3], len(body_names(robot)))
+            affecting = np.any([r.inertial.any(axis=(0, 1)) for r in rows], axis=0)[:-3]
+            scale[: affecting.size] = held_scale(affecting, nominal[:-3], len(body_names(robot)))
         places, centre, beams = tuple(bodies.values()), np.zeros_like(size), beams[free[beams]]
         return cls(names, start, free, places, estimated, positive, size, centre, size, scale, beams)
 
 
 def bodies_of(robot: Robot, nominal: Array) -> dict[str, slice]:
-    """Indices of the ten parameters of each body with mass, among inertial numbers of shape (P,)."""
+    """Indices of the ten parameters of each body with mass, among inertial parameters of shape (P,)."""
     total = sum(link.mass for link in robot.links)
     places = {name: slice(COUNT * b, COUNT * (b + 1)) for b, name in enumerate(body_names(robot))}
     return {name: place for name, place in places.items() if nominal[place.start] > MASSLESS * total}
@@ -143,12 +145,12 @@ def _rms(parts: Sequence[Array]) -> Array:
 
 
 def is_known(robot: Robot, name: str) -> bool:
-    """Whether the robot file says that a number, or its body or joint, is exact."""
+    """Whether the robot file declares a parameter, or its body or joint, as exact."""
     return name in robot.known or name.split(".")[0] in robot.known
 
 
 def _driven(robot: Robot) -> list[bool]:
-    """Whether each moving joint has a rotor; where the file has no actuator at all, every one may."""
+    """Whether each moving joint may have a rotor; all may if the file has no actuator at all."""
     actuators = [joint.actuator is not None for joint in robot.drives]
     return actuators if any(actuators) else [True] * len(actuators)
 

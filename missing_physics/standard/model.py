@@ -50,10 +50,10 @@ EFFECTS = {
     "coulomb": ("coulomb_friction", "torque", 1.0),
     "offset": ("torque_offset", "torque", -1.0),
 }
-#: Most rounds of linearisation where links bend, halvings of a step in one, and the decrease of the squared
+#: Most linearisation rounds for flexible links, step halvings in one round, and the decrease of the squared
 #: residual, in units of its variance, below which they end.
 BENDING_ROUNDS, HALVINGS, AGREED = 12, 5, 1.0
-#: Rounds of linearisation about the estimate.
+#: Rounds of linearisation at the estimate.
 ROUNDS = 2
 #: Digits of a number in a robot file.
 DIGITS = 10
@@ -81,7 +81,7 @@ class StandardModel:
         estimate: the fit.
         cutoff: end of the band in which it was fitted [Hz].
         nominal: the given robot file.
-        weights: of samples, by a first fit.
+        weights: of samples, from a first fit.
     """
 
     robot: Robot
@@ -122,11 +122,11 @@ def fit_standard(
     Args:
         robot: the nominal robot; its friction laws and drive offsets are replaced, its other effects stay.
         recordings: those that are fitted.
-        cutoff: end of the band [Hz]; five times the motion's bandwidth when left out.
-        held_out: of each recording the stretches of time [s] that are not fitted.
+        cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
+        held_out: time intervals of each recording that are not fitted [s].
         samples: samples of each recording in which other models are compared with this one. It is then fitted
-            to the same samples, in the narrowest of their bands. In a narrower band, parameters that act
-            above it would be undetermined, and masses that suit the counted joints would be judged at others.
+            to the same samples, in the narrowest of their bands. In a narrower band, parameters with effects
+            above it would be undetermined, and masses fitted to the counted joints would be judged at others.
 
     Raises:
         InputError: a joint's position is not recorded, no joint slides with its torque known, or these
@@ -161,7 +161,7 @@ def fit_standard(
         for _ in range(ROUNDS if _has_passive(robot, recordings) else 0):
             found = estimate(model, nominal, taken(weights, found.values))
         if model.tree.modal or model.free_base:
-            found = _settled(model, nominal, found, lambda about: taken(weights, about))
+            found = _iterated(model, nominal, found, lambda about: taken(weights, about))
     except np.linalg.LinAlgError:
         raise InputError(
             "the standard model cannot be identified: these recordings do not determine its parameters; "
@@ -171,30 +171,29 @@ def fit_standard(
     return StandardModel(as_robot(stripped, model, numbers), found, band, robot, weights)
 
 
-def _settled(
+def _iterated(
     model: RobotModel, nominal: Array, first: Estimate, taken: Callable[[Array], list[Rows]]
 ) -> Estimate:
-    """The estimate where a free base or links that bend follow the joints, linearised about itself.
+    """The estimate with a free base or flexible links, linearised at itself.
 
-    The phase of a vibration is linear in masses and stiffness only while it changes little, and so is how a
-    base moves. So a step is
-    halved until the recordings, linearised about its end, are predicted better there than before it.
+    The phase of a vibration, and the motion of a base, are linear in masses and stiffness only for small
+    changes. So a step is halved until the recordings, linearised at its end, are predicted better.
     """
     place, found, count = nominal.copy(), first, nominal.size - 3
     rows = taken(nominal)
     for _ in range(BENDING_ROUNDS):
         step, before = found.values[:count] - place[:count], _misfit(found, place, rows)
         for _ in range(HALVINGS):
-            there = place.copy()
-            there[:count] += step
-            moved = taken(there)
-            after = _misfit(found, there, moved)
+            candidate = place.copy()
+            candidate[:count] += step
+            moved = taken(candidate)
+            after = _misfit(found, candidate, moved)
             if after < before:
                 break
             step = 0.5 * step
         else:
             return found
-        place, rows = there, moved
+        place, rows = candidate, moved
         found = estimate(model, nominal, rows)
         if before - after < AGREED:
             break
@@ -214,7 +213,7 @@ def _misfit(found: Estimate, inertial: Array, rows: Sequence[Rows]) -> float:
 
 
 def _dry(robot: Robot) -> Array:
-    """Level of each drive's dry friction in the robot file, the largest of its laws, shape (n,)."""
+    """Dry friction of each drive in the robot file: the largest level of its laws, shape (n,)."""
     found = np.zeros(len(robot.drives))
     for used in used_effects(robot):
         effect = used.effect
@@ -242,8 +241,8 @@ def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -
 
     Args:
         stripped: the robot `without_friction`.
-        model: of it.
-        numbers: values by the names of the layout.
+        model: its dynamics.
+        numbers: parameter values by the names of the layout.
     """
     kept = [
         use
@@ -292,7 +291,7 @@ def _body(ten: Sequence[float]) -> dict[str, object]:
 
 
 def use_of(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:
-    """An effect in a robot file, its numbers with as many digits as one gets there."""
+    """An effect in a robot file, with its parameters rounded to `DIGITS` digits."""
     return EffectUse(effect=effect, at=at, **{name: _short(value) for name, value in values.items()})
 
 

@@ -1,7 +1,7 @@
 """Normal equations of groups of rows, joint by joint.
 
-A joint's torque depends on the bodies that it carries and on its own rotor and friction, often a small part
-of all parameters: those of one leg of four. So each joint has the normal equations of its own parameters.
+A joint's torque depends on the bodies that it carries and on its rotor and friction: often few of all
+parameters, such as those of one leg of four. So each joint has normal equations in its own parameters only.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ class Normal:
 
     Attributes:
         acts: indices of the parameters on which each joint's torque depends, shape (u,) each.
-        gram: of their columns at each joint, shape (u, u) each.
-        right: their products with the torque, shape (u,) each.
-        square: of the torque at each joint, shape (n,).
+        gram: products of their columns with each other at each joint, shape (u, u) each.
+        right: products of their columns with the torque, shape (u,) each.
+        square: sum of squares of the torque at each joint, shape (n,).
         count: rows that are compared at each joint, shape (n,).
         size: number of all parameters.
     """
 
-    acts: tuple[Places, ...]
+    active: tuple[Places, ...]
     gram: tuple[Array, ...]
     right: tuple[Array, ...]
     square: Array
@@ -42,7 +42,7 @@ class Normal:
 
     @classmethod
     def of(
-        cls, acts: Sequence[Places], columns: Sequence[Array], torque: Array, count: Array, size: int
+        cls, active: Sequence[Places], columns: Sequence[Array], torque: Array, count: Array, size: int
     ) -> Normal:
         """Normal equations of some rows.
 
@@ -54,17 +54,19 @@ class Normal:
         """
         gram = tuple(own.T @ own for own in columns)
         right = tuple(own.T @ torque[:, k] for k, own in enumerate(columns))
-        return cls(tuple(acts), gram, right, np.sum(torque**2, axis=0), count, size)
+        return cls(tuple(active), gram, right, np.sum(torque**2, axis=0), count, size)
 
     def __add__(self, other: Normal) -> Normal:
-        """Of both groups of rows, which have the same parameters at every joint."""
+        """Normal equations of both groups of rows, which have the same parameters at every joint."""
         gram = tuple(map(add, self.gram, other.gram))
         right = tuple(map(add, self.right, other.right))
-        return Normal(self.acts, gram, right, self.square + other.square, self.count + other.count, self.size)
+        return Normal(
+            self.active, gram, right, self.square + other.square, self.count + other.count, self.size
+        )
 
     def energy(self, x: Array) -> Array:
         """Squared residual of each joint, shape (n,)."""
-        parts = zip(self.square, self.acts, self.gram, self.right)
+        parts = zip(self.square, self.active, self.gram, self.right)
         found = [square - 2.0 * (r @ x[own]) + x[own] @ g @ x[own] for square, own, g, r in parts]
         return np.maximum(found, 0.0)
 
@@ -75,7 +77,7 @@ class Normal:
             weight: of each joint, shape (n,).
         """
         gram, right = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for w, own, g, r in zip(weight, self.acts, self.gram, self.right):
+        for w, own, g, r in zip(weight, self.active, self.gram, self.right):
             gram[own[:, None], own] += w * g
             right[own] += w * r
         return gram, right
@@ -87,10 +89,10 @@ def total_of(groups: Sequence[Normal]) -> Normal:
 
 
 def acting(designs: Sequence[Array]) -> tuple[Places, ...]:
-    """Parameters on which each joint's torque depends in any recording, see `Normal.acts`.
+    """Indices of the parameters on which each joint's torque depends in any recording, see `Normal.active`.
 
     Args:
         designs: derivatives of the torques by the parameters, shape (K, n, X) each.
     """
-    felt = np.any([design.any(axis=0) for design in designs], axis=0)
-    return tuple(map(np.flatnonzero, felt))
+    nonzero = np.any([design.any(axis=0) for design in designs], axis=0)
+    return tuple(map(np.flatnonzero, nonzero))

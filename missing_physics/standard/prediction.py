@@ -1,4 +1,4 @@
-"""The torque that a robot file predicts along a recorded motion: inverse dynamics less its effects."""
+"""The torque that a robot file predicts along a recorded motion: inverse dynamics minus its effects."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ __all__ = ["Along", "coupled_motion", "force_of", "inertial_with_effects", "know
 
 Array = NDArray[np.float64]
 
-#: Most instants from which noise shakes links in one recording; between them a vibration keeps its phase.
+#: Most instants at which noise excites links in one recording; between them a vibration keeps its phase.
 MOST_INSTANTS = 60
-#: Modes up to this many times the end of the band show in it: their vibration is filtered, not removed [-].
+#: Modes up to this multiple of the end of the band are visible in it; they are filtered, not removed [-].
 WIDER = 2.0
 #: Temperature of a joint where none is recorded [K].
 ROOM_TEMPERATURE = 293.15
@@ -43,10 +43,10 @@ class Along:
     Attributes:
         model: of the robot.
         motion: of its joints.
-        inertial: parameters with which the passive coordinates move, shape (P,).
+        inertial: inertial parameters for the motion of the passive coordinates, shape (P,).
         base: motion of a free base, None when it is fixed.
         inner: motion of flexible links, None without any.
-        response: of a free base and flexible links to forces; None without them.
+        response: response of a free base and flexible links to forces; None without them.
     """
 
     model: RobotModel
@@ -84,7 +84,7 @@ class Along:
         )
 
     def constant(self, regressor: Array) -> Array:
-        """Torque where all inertial parameters but gravity are zero, linearly, (N, n): of links that bend."""
+        """Torque of flexible links, extrapolated linearly to zero inertial parameters but gravity, (N, n)."""
         if self.inner is None:
             return np.zeros_like(self.motion.position)
         return np.asarray(self.needed - regressor[:, :, :-3] @ self.inertial[:-3])
@@ -102,7 +102,7 @@ class Along:
         return np.asarray(matrix[:, joints, joints])
 
     def body(self, link: str) -> tuple[BodySeries, Array]:
-        """How a rigid link moves, and what a wrench on it does to all rows (`RobotModel.body_motion`)."""
+        """Motion of a rigid link, and the map from a wrench on it to all rows (`RobotModel.body_motion`)."""
         motion = self.motion
         return self.model.body_motion(
             link,
@@ -120,12 +120,12 @@ class Along:
         return self.model.bearing_loads(*state, base=self.base, inner=self.inner, inertial=self.inertial)
 
     def vibration(self) -> tuple[Array, Array]:
-        """Vibration of links that no encoder shows.
+        """Vibration of links that is not observed by encoders.
 
         Returns:
-            Torques at the joints by links that vibrate from the start, or from later instants because the
-            noise of encoders shakes them, shape (N, n, V); and the standard deviation of what multiplies each
-            of these columns, (V,), infinite for the start.
+            Joint torques of links that vibrate from the start, or from later instants because encoder noise
+            excites them, shape (N, n, V); and the standard deviation of the amplitude of each of these
+            columns, (V,), infinite for the start.
         """
         motion, response = self.motion, self.response
         if self.inner is None or response is None:
@@ -142,7 +142,7 @@ class Along:
         return columns, np.where(begun[:, 0] == 0, np.inf, wandering[begun[:, 1]])
 
     def at_joints(self, rows: Array) -> Array:
-        """Forces at the joints, (N, n, C), due to small ones on all rows of the dynamics, (N, rows, C)."""
+        """Forces at the joints, (N, n, C), due to small forces on all rows of the dynamics, (N, rows, C)."""
         if self.response is not None:
             return self.response.at_joints(rows)
         start = self.model.tree.offset
@@ -182,12 +182,12 @@ def torque_of_effects(along: Along) -> Array:
 
 
 def knows_links(robot: Robot) -> bool:
-    """Whether the places of links follow from the recorded positions, as far as the base's does."""
+    """Whether the poses of links relative to the base follow from the recorded positions."""
     return not (robot.transmissions or robot.flexible_links)
 
 
 def _of_pushed_links(along: Along) -> Array:
-    """Torque that holds against what pushes on rigid links where they are, shape (N, n)."""
+    """Torque that balances the forces on rigid links at their positions, shape (N, n)."""
     model, motion = along.model, along.motion
     total = np.zeros_like(motion.velocity)
     for used in used_effects(model.robot):

@@ -35,13 +35,13 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's
+#: Error of integrators, gears and sensors that no hypothesis explains, as a fraction of the recorded torque's
 #: rms [-]: residuals below it are no evidence of physics. Torque sensors are accurate to a few thousandths.
 MODEL_ERROR = 3e-3
 #: A row is compared where the mean weight within the band's filter is at least this.
 MOSTLY = 0.5
 TINY = 1e-300
-#: Least noise of a torque beside the largest one [-]: another may be recorded without any.
+#: Least noise of a torque relative to the largest one [-]: some may be recorded without any.
 NOISELESS = 1e-3
 #: Parameters of a joint other than its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
 FRICTION = ("viscous", "coulomb", "offset")
@@ -49,13 +49,13 @@ FRICTION = ("viscous", "coulomb", "offset")
 
 @dataclass(frozen=True)
 class Sample:
-    """Samples of one recording that are compared, where the caller prescribes them.
+    """Samples of one recording that are compared, as prescribed by the caller.
 
     Attributes:
         time: [s], shape (K,).
-        counted: instants that count, by joint, shape (K,) each; joints not listed do not count.
+        counted: mask of the compared samples by joint, shape (K,) each; joints not listed are not compared.
         cutoff: end of the band [Hz].
-        smoothing: cut-off of the positions' filter [Hz].
+        smoothing: cut-off of the position filter [Hz].
     """
 
     time: Array
@@ -64,7 +64,7 @@ class Sample:
     smoothing: float
 
     def at(self, time: Array, joints: Sequence[str]) -> NDArray[np.bool_]:
-        """Which of other instants count, by the nearest sample, shape (N, n)."""
+        """Mask of compared instants at other times, by the nearest sample, shape (N, n)."""
         after = np.searchsorted(self.time, time).clip(1, self.time.size - 1)
         place = after - (time - self.time[after - 1] < self.time[after] - time)
         inside = (time >= self.time[0]) & (time <= self.time[-1])
@@ -74,15 +74,15 @@ class Sample:
 
 @dataclass(frozen=True)
 class Weights:
-    """From a first fit: with which weights samples enter the rows.
+    """Weights of samples in the rows, from a first fit.
 
     Attributes:
         rest: weight of samples in which a joint may be at rest, shape (n,).
-        left: rms of what the fit leaves of each torque, shape (n,) [N m or N].
+        residual: rms residual of the fit at each joint, shape (n,) [N m or N].
     """
 
     rest: Array
-    left: Array
+    residual: Array
 
 
 @dataclass(frozen=True)
@@ -92,16 +92,16 @@ class Rows:
     Attributes:
         source: name of the recording.
         time: [s], shape (K,).
-        torque: measured torque less that of the robot's other effects, weighted by `shares`, shape (K, n).
-        measured: torque as recorded, in the band, shape (K, n).
+        torque: measured torque minus that of the robot's other effects, weighted by `shares`, shape (K, n).
+        measured: recorded torque in the band, shape (K, n).
         inertial: derivatives of the torques by the inertial parameters, shape (K, n, P).
         friction: derivatives of each joint's torque by its `FRICTION`, shape (K, n, 3).
-        counted: rows that are compared: the torque is known and the joint slides most of the time that the
-            band's filter sees, shape (K, n).
+        counted: mask of the rows that are compared: the torque is known and the joint slides most of the
+            time within the band's filter, shape (K, n).
         shares: weight with which each sample enters the rows, 0 to 1, shape (N, n): see `sliding`.
         noise: rms in the band of the noise of torques and encoders, shape (n,).
-        vibration: of links that bend; torque and derivatives by inertial parameters are without it.
-        shaken: rms in the band of the torque of links that encoder noise shakes, shape (n,).
+        vibration: of flexible links; it is removed from torque and derivatives by inertial parameters.
+        shaken: rms in the band of the torque of links excited by encoder noise, shape (n,).
         scale: torque relative to which errors are judged, shape (K, n): the measured one; for an undriven
             joint the root sum of squares of its bodies' contributions, as these cancel each other.
     """
@@ -126,14 +126,14 @@ def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
 
 
 def is_friction(effect: Effect) -> bool:
-    """Whether an effect is a friction law at a joint, or multiplies those of its joint."""
+    """Whether an effect is a friction law at a joint, or a modifier of its joint's friction."""
     return effect.is_friction_law or effect.is_modifier
 
 
 def without_friction(robot: Robot) -> Robot:
     """The robot without its friction laws and drive offsets, which the standard model replaces.
 
-    Friction of joints moved through a transmission stays, as the standard model has that of the motors only.
+    Friction of joints moved through a transmission stays: the standard model has friction at motors only.
     """
     drives = {drive.name for drive in robot.drives}
 
@@ -160,12 +160,12 @@ def rows_of(
         model: of the robot without friction (`without_friction`).
         recording: must hold every moving joint's position.
         cutoff: end of the band [Hz].
-        sample: samples that are compared; those in which joints slide when left out.
-        about: parameters of the standard model, shape (X,) or longer, about which the rows of undriven joints
-            are linearised; the file's bodies without friction when left out. Without actuators the total mass
-            is not identifiable: the residual of a lighter robot is smaller in proportion. So the residual of
+        sample: samples that are compared; those in which joints slide when None.
+        about: parameters of the standard model, shape (X,) or longer, at which the rows of undriven joints
+            are linearised; the file's bodies without friction when None. Without actuators the total mass is
+            not identifiable: the residual of a lighter robot is smaller in proportion. So the residual of
             these joints is divided by the scale s of the bodies, (Y phi + f) / s(phi).
-        weights: of samples; one where a joint slides, and none where it may be at rest, when left out.
+        weights: of samples; when None, one where a joint slides and zero where it may be at rest.
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
     along = Along.of(model, motion, _bodies(model, about))
@@ -176,7 +176,7 @@ def rows_of(
     others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
     noise = np.hypot(_noise_in_band(along), motion.rounding)
     given = weights or Weights(np.zeros(noise.size), np.full(noise.size, np.inf))
-    shares = motion.shares(prismatic(model.robot), given.rest) * motion.steadiness(given.left)
+    shares = motion.shares(prismatic(model.robot), given.rest) * motion.steadiness(given.residual)
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
     scale = torque.copy()
     for k, joint in enumerate(model.joints):
@@ -212,7 +212,7 @@ def rows_of(
 
 
 def taken_about(rows: Rows, along: Along) -> Rows:
-    """The rows of a robot whose base or links follow, linearised about the inertial parameters of `along`."""
+    """The rows of a robot with free base or flexible links, linearised at the parameters of `along`."""
     motion, shares, inertial = along.motion, rows.shares, along.regressor
     others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
     own = np.where(np.isfinite(motion.torque), motion.smooth_torque, 0.0) - others
@@ -229,7 +229,7 @@ def taken_about(rows: Rows, along: Along) -> Rows:
 def _vibration(
     along: Along, shares: Array, counted: NDArray[np.bool_], noise: Array
 ) -> tuple[Vibration, Array]:
-    """Vibration of the links, and the rms of what encoder noise shakes, shape (n,)."""
+    """Vibration of the links, and the rms of the part excited by encoder noise, shape (n,)."""
     full, spread = along.vibration()
     columns = along.motion.reduce(full * shares[:, :, None])
     floor = np.maximum(noise, NOISELESS * max(float(noise.max()), TINY))
@@ -239,7 +239,7 @@ def _vibration(
 
 
 def _bodies(model: RobotModel, about: Array | None) -> Array:
-    """Inertial parameters with which base and links move: the file's, or the given ones if these follow."""
+    """Inertial parameters for the motion: the given ones for free bases and flexible links, or the file's."""
     found = inertial_with_effects(model)
     if about is not None and (model.tree.modal or model.free_base):
         found[:-3] = about[: found.size - 3]
@@ -252,34 +252,34 @@ def _parts(numbers: Array, count: int, joint: int) -> tuple[Array, Array]:
     return numbers[:count], numbers[first : first + len(FRICTION)]
 
 
-def held_scale(acts: NDArray[np.bool_], file: Array, bodies: int) -> Array:
+def held_scale(active: NDArray[np.bool_], file: Array, bodies: int) -> Array:
     """Derivative by the inertial parameters of the bodies' scale s, one at the file's values, shape (P,).
 
     Args:
-        acts: parameters that affect the motion, shape (P,): the others have no part in the scale.
+        active: mask of the parameters that affect the motion, shape (P,); the others do not enter the scale.
         file: parameters of the robot file, shape (P,).
-        bodies: those to which the first parameters belong.
+        bodies: number of bodies, whose parameters come first.
     """
     size = np.where(file == 0.0, np.inf, np.abs(file))
     for first in range(0, COUNT * bodies, COUNT):
         ten = file[first : first + COUNT]
         if ten[0] > 0.0 and ten[4:7].max() > 0.0:
             size[first : first + COUNT] = sizes(ten)
-    weighted = np.where(acts, file / size**2, 0.0)
+    weighted = np.where(active, file / size**2, 0.0)
     return np.asarray(weighted / max(float(weighted @ file), TINY))
 
 
 def prismatic(robot: Robot) -> NDArray[np.bool_]:
-    """Which moving joints are prismatic, shape (n,)."""
+    """Mask of the prismatic moving joints, shape (n,)."""
     return np.array([joint.kind == "prismatic" for joint in robot.drives])
 
 
 def _noise_in_band(along: Along) -> Array:
     """rms in the band of the noise of torques and encoders, shape (n,).
 
-    Of the white noise of a torque, the part in the band remains. Position noise becomes acceleration noise,
-    (2 pi f)^2 times as large at each frequency, and acts through the mass matrix; velocity noise acts through
-    friction, which is less at these frequencies.
+    Only the part of the white torque noise in the band remains. Position noise becomes acceleration noise,
+    (2 pi f)^2 times as large at each frequency, multiplied by the mass matrix; velocity noise enters through
+    friction, which is smaller at these frequencies.
     """
     motion = along.motion
     white = motion.torque_noise * np.sqrt(min(1.0, 2.0 * motion.cutoff / motion.sampling))

@@ -1,4 +1,4 @@
-"""Motions that would separate what a recording cannot."""
+"""Motions that distinguish explanations which a recording cannot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def diagnosed(arm: Robot, *, experiments: bool = True, **use: object) -> Result:
     return diagnose(arm, [made], options=Options(experiments=experiments))
 
 
-def test_a_motion_is_designed_within_the_limits_where_one_separates(arm: Robot, tmp_path: Path) -> None:
+def test_separating_motion_is_designed_within_the_limits(arm: Robot, tmp_path: Path) -> None:
     """One joint's torque is late, or the drive of the other lags, as fast motions show."""
     result = diagnosed(arm, effect="sensor_delay", at="joint1.torque", delay=0.012)
     [experiment] = result.diagnosis.experiments
@@ -35,7 +35,7 @@ def test_a_motion_is_designed_within_the_limits_where_one_separates(arm: Robot, 
         assert position[0] == pytest.approx(joint.initial_position, abs=1e-9)
 
 
-def test_no_motion_is_promised_where_none_separates(arm: Robot) -> None:
+def test_no_motion_is_proposed_if_none_separates(arm: Robot) -> None:
     """Gravity tilted in the plane of the arm acts as an offset of the first encoder does."""
     result = diagnosed(arm, effect="gravity", at="base", x=0.3, y=0.0, z=0.0)
     [experiment] = result.diagnosis.experiments
@@ -45,7 +45,7 @@ def test_no_motion_is_promised_where_none_separates(arm: Robot) -> None:
     assert "No motion within the limits was found" in experiment.do
 
 
-def test_none_are_designed_unless_asked(arm: Robot) -> None:
+def test_experiments_are_designed_only_on_request(arm: Robot) -> None:
     result = diagnosed(arm, experiments=False, effect="sensor_delay", at="joint1.torque", delay=0.005)
     assert result.diagnosis.verdict == "ambiguous"
     assert result.diagnosis.experiments == ()

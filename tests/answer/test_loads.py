@@ -1,4 +1,4 @@
-"""A load on a link, a link whose mass properties are wrong, and a robot file that is off as a whole."""
+"""A load on a link, a link with wrong mass properties, and a robot file with errors everywhere."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from missing_physics.answer.bodies import _Known, _point_mass
+from missing_physics.answer.bodies import _BodyLikelihood, _point_mass
 from missing_physics.diagnosis import Diagnosis, Options, diagnose
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Link, Robot
@@ -42,7 +42,7 @@ def test_a_load_is_named_with_its_mass_and_place(arm: Robot) -> None:
     assert found.verdict == "explained"
 
 
-def test_rotors_that_the_file_lacks_are_no_load(arm: Robot) -> None:
+def test_missing_rotor_inertias_are_not_named_as_a_load(arm: Robot) -> None:
     """As in every URDF: the first joint's rotor turns about the axis of the first link."""
     bare = tuple(
         joint.model_copy(update={"actuator": joint.actuator.model_copy(update={"rotor_inertia": 0.0})})
@@ -55,7 +55,7 @@ def test_rotors_that_the_file_lacks_are_no_load(arm: Robot) -> None:
     assert not {at for effect, at in named if effect in ("payload", "inertia")} - {"link2"}
 
 
-def test_a_robot_that_is_mounted_askew_is_named(arm: Robot) -> None:
+def test_tilted_mounting_is_named(arm: Robot) -> None:
     """Six degrees in the plane in which it moves, where an offset of the first encoder does the same."""
     tilt = np.radians(6.0)
     turned = (9.81 * np.sin(tilt), 0.0, -9.81 * np.cos(tilt))
@@ -67,14 +67,14 @@ def test_a_robot_that_is_mounted_askew_is_named(arm: Robot) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_no_load_is_named_where_the_whole_file_is_off(arm: Robot, seed: int) -> None:
+def test_errors_of_all_masses_are_not_named_as_a_load(arm: Robot, seed: int) -> None:
     random = np.random.default_rng(seed)
     file = off(arm, {link.name: float(np.exp(0.06 * random.standard_normal())) for link in arm.links})
     found = diagnosed(file, arm, seed)
     assert not {f.effect for f in found.findings} & {"payload", "inertia"}
 
 
-def test_one_wrong_link_among_right_ones_is_named(arm: Robot) -> None:
+def test_single_link_with_wrong_inertia_is_named(arm: Robot) -> None:
     """Twice as heavy: no point mass changes mass, first moment and inertia in one proportion."""
     found = diagnosed(off(arm, {"link2": 0.5}), arm)
     labels = {(f.effect, f.location): f for f in found.findings}
@@ -99,14 +99,16 @@ def test_a_point_mass_has_the_moments_of_its_definition() -> None:
 
 
 @pytest.mark.parametrize(("accuracy", "wrong"), [(0.1, ()), (0.3, ()), (0.1, (0,))])
-def test_the_evidence_is_the_integral_over_the_bodies(accuracy: float, wrong: tuple[int, ...]) -> None:
+def test_evidence_equals_the_integral_over_the_inertial_parameters(
+    accuracy: float, wrong: tuple[int, ...]
+) -> None:
     """In two of the ten dimensions of one body, against a sum over a grid, exact for Gaussians."""
     random = np.random.default_rng(0)
     precision, slope = np.zeros((10, 10)), np.zeros(10)
     part = random.standard_normal((2, 2))
     precision[:2, :2], slope[:2] = 40.0 * part @ part.T, random.standard_normal(2) * 5.0
     values, vectors = np.linalg.eigh(precision)
-    known = _Known(np.eye(10)[None], vectors, np.maximum(values, 0.0), vectors.T @ slope)
+    known = _BodyLikelihood(np.eye(10)[None], vectors, np.maximum(values, 0.0), vectors.T @ slope)
     width = 1.0 if wrong else accuracy
     grid = np.linspace(-6.0 * width, 6.0 * width, 801)
     z = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1)

@@ -1,4 +1,4 @@
-"""What scripts and notebooks call does what the commands do."""
+"""The Python interface gives the same results as the commands."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def answer(rubbing: mp.Recording) -> mp.Answer:
     return mp.diagnose("two_link_arm", rubbing)
 
 
-def test_an_import_loads_nothing_heavy() -> None:
+def test_import_loads_no_heavy_library() -> None:
     code = "import sys, missing_physics; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert not set(HEAVY) & {name.split(".")[0] for name in loaded.split()}
 
 
-def test_every_public_name_is_there_and_explained() -> None:
+def test_every_public_name_exists_and_is_documented() -> None:
     for name in mp.__all__:
         assert getattr(mp, name).__doc__
     assert set(mp.__all__) <= set(dir(mp))
@@ -46,7 +46,7 @@ def test_every_public_name_is_there_and_explained() -> None:
         mp.nonsense  # noqa: B018
 
 
-def test_the_answer_names_the_friction_and_shows_itself(answer: mp.Answer) -> None:
+def test_diagnosis_from_python_names_friction_and_displays_itself(answer: mp.Answer) -> None:
     assert [(f.effect, f.location) for f in answer.findings] == [("coulomb_friction", "joint2")]
     assert answer.findings[0].parameters["torque"].value == pytest.approx(3.0, rel=1e-2)
     assert repr(answer) == "<Answer on two_link_arm: explained, Coulomb friction at joint2>"
@@ -59,7 +59,7 @@ def test_the_answer_names_the_friction_and_shows_itself(answer: mp.Answer) -> No
     assert {("coulomb_friction", "joint2"), ("lugre_friction", "joint2")} & uses
 
 
-def test_a_figure_shows_the_channel_that_is_asked_for(answer: mp.Answer) -> None:
+def test_figure_shows_the_requested_channel(answer: mp.Answer) -> None:
     figure = answer.plot("joint1.torque")
     assert "joint1.torque" in figure.layout.title.text
     assert "joint2" in answer.plot().layout.title.text
@@ -67,7 +67,7 @@ def test_a_figure_shows_the_channel_that_is_asked_for(answer: mp.Answer) -> None
         answer.plot("joint9.torque")
 
 
-def test_what_is_saved_is_what_the_command_writes(answer: mp.Answer, tmp_path: Path) -> None:
+def test_saved_files_equal_those_of_the_command_line(answer: mp.Answer, tmp_path: Path) -> None:
     answer.save(tmp_path / "out")
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"diagnosis.json", "report.html", "comparison.rrd", "robot.augmented.toml"} <= written
@@ -77,7 +77,7 @@ def test_what_is_saved_is_what_the_command_writes(answer: mp.Answer, tmp_path: P
     assert again == answer.robot
 
 
-def test_paths_objects_and_tables_give_the_same_inspection(rubbing: mp.Recording, tmp_path: Path) -> None:
+def test_inspection_is_the_same_for_paths_objects_and_tables(rubbing: mp.Recording, tmp_path: Path) -> None:
     file, robot = tmp_path / "arm.csv", tmp_path / "arm.toml"
     columns = {"time": rubbing.time, **rubbing.channels}
     np.savetxt(

@@ -1,4 +1,4 @@
-"""Small designs for the tests: drawn as any other, their motions cut short."""
+"""Small designs for the tests: drawn like any other, with shortened motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torques along a motion: what is hidden explains, part by part, what the other engine recorded."""
+"""Torques along a motion: the hidden effects explain the torques recorded by the other engine."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from exudyn_model import simulate
 from missing_physics.challenge.scoring.information import (
     IDENTIFIABLE,
     _changed,
-    _left,
     _nominal_columns,
+    _residual_energy,
     _rivals,
     distances,
 )
@@ -49,7 +49,9 @@ HIDDEN = [
 
 
 @pytest.mark.parametrize(("effect", "at", "number", "values"), quick_places(HIDDEN, 0, 2, 4))
-def test_parts_are_what_the_other_engine_adds(effect: str, at: str, number: int, values: dict) -> None:
+def test_effect_torques_equal_the_difference_of_exudyn_simulations(
+    effect: str, at: str, number: int, values: dict
+) -> None:
     case = hiding(effect, at, number, **values)
     along = ArmAlong(case.nominal, motion_of(case.real))
     missing = along.torque - along.nominal()
@@ -59,7 +61,7 @@ def test_parts_are_what_the_other_engine_adds(effect: str, at: str, number: int,
     assert np.sqrt(np.mean((missing - part) ** 2)) < 1e-3 * np.sqrt(np.mean(part**2))
 
 
-def test_a_faulty_position_moves_the_torque_as_its_derivatives_say() -> None:
+def test_position_error_changes_the_torque_through_its_derivatives() -> None:
     """First order: the inverse dynamics of the shifted motion less that of the true one."""
     robot = design(ARM).nominal.model_copy(update={"effects": ()})
     along = ArmAlong(robot, motion_of(robot))
@@ -70,7 +72,7 @@ def test_a_faulty_position_moves_the_torque_as_its_derivatives_say() -> None:
     assert np.allclose(along.part(use), difference, atol=1e-3 * np.abs(difference).max())
 
 
-def test_every_effect_that_can_be_hidden_has_rivals_that_can_be_weighed() -> None:
+def test_every_hidden_effect_has_rivals_of_finite_distance() -> None:
     """Whatever the catalogue says looks alike, gears and structures included, must not stop a score."""
     robot = design(ARM).nominal.model_copy(update={"effects": ()})
     along = ArmAlong(robot, motion_of(robot))
@@ -85,16 +87,20 @@ def test_every_effect_that_can_be_hidden_has_rivals_that_can_be_weighed() -> Non
     assert weighed > 50
 
 
-def test_left_over_energy_has_its_closed_forms() -> None:
+def test_residual_energy_equals_closed_forms() -> None:
     rng = np.random.default_rng(3)
     target, column = rng.normal(size=50), rng.normal(size=(50, 1))
     none = np.zeros((50, 0))
     c, t = column[:, 0], target
-    assert _left(t, none, none) == pytest.approx(t @ t)
-    assert _left(t, none, column) == pytest.approx(t @ t - (c @ t) ** 2 / (c @ c))
+    assert _residual_energy(t, none, none) == pytest.approx(t @ t)
+    assert _residual_energy(t, none, column) == pytest.approx(t @ t - (c @ t) ** 2 / (c @ c))
     # Woodbury: t' (1 + c c')^-1 t
-    assert _left(t, column, none) == pytest.approx(t @ np.linalg.solve(np.eye(50) + np.outer(c, c), t))
-    assert _left(3 * c, none, np.hstack([column, column])) == pytest.approx(0.0, abs=1e-9 * (c @ c))
+    assert _residual_energy(t, column, none) == pytest.approx(
+        t @ np.linalg.solve(np.eye(50) + np.outer(c, c), t)
+    )
+    assert _residual_energy(3 * c, none, np.hstack([column, column])) == pytest.approx(
+        0.0, abs=1e-9 * (c @ c)
+    )
 
 
 def distance(*effect: str, number: int = AXIS, noise: float = 1.0, **values: float) -> float:
@@ -105,7 +111,7 @@ def distance(*effect: str, number: int = AXIS, noise: float = 1.0, **values: flo
     return next(iter(distances(along, case.hidden).values()))
 
 
-def test_information_falls_with_the_square_of_the_noise() -> None:
+def test_distance_decreases_with_the_square_of_the_noise() -> None:
     one = distance("coulomb_friction", "joint1", torque=8.0)
     ten = distance("coulomb_friction", "joint1", torque=8.0, noise=10.0)
     assert one > IDENTIFIABLE
@@ -113,7 +119,7 @@ def test_information_falls_with_the_square_of_the_noise() -> None:
     assert 0.005 < ten / one < 0.05
 
 
-def test_a_credible_error_of_a_mass_is_a_share_of_its_inertial_force() -> None:
+def test_plausible_error_of_a_mass_is_a_fraction_of_its_inertial_force() -> None:
     """On a horizontal axis without friction: 0.3 m a, whatever is hidden elsewhere."""
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     along = ArmAlong(case.nominal, motion_of(case.real))
@@ -124,7 +130,7 @@ def test_a_credible_error_of_a_mass_is_a_share_of_its_inertial_force() -> None:
     assert not any(np.allclose(c, wanted, rtol=1e-9) for c in _nominal_columns(along, heavier))
 
 
-def test_twins_cannot_be_distinguished() -> None:
+def test_equivalent_effects_cannot_be_distinguished() -> None:
     """An offset of the drive and one of its sensor are the same to every recording."""
     assert distance("torque_offset", "joint1", torque=5.0) < IDENTIFIABLE
     assert distance("sensor_gain", "joint1.torque", gain_error=0.05) < IDENTIFIABLE
@@ -134,7 +140,7 @@ def test_weak_effects_cannot_be_determined() -> None:
     assert distance("coulomb_friction", "joint1", torque=1e-4) < IDENTIFIABLE
 
 
-def test_a_changed_parameter_is_the_only_change() -> None:
+def test_only_the_changed_parameter_differs() -> None:
     use = EffectUse.model_validate({"effect": "payload", "at": "link1", "mass": 1.0, "x": 0.2})
     expected = EffectUse.model_validate({"effect": "payload", "at": "link1", "mass": 3.0, "x": 0.2})
     assert _changed(use, "mass", 3.0) == expected

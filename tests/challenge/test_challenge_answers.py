@@ -1,4 +1,4 @@
-"""Answers that cannot be used, and answers that take back what was tuned."""
+"""Unusable answers, and answers that correct tuned parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from challenge_cases import ARM, answer, design, hiding
 
 from missing_physics.challenge.concealing.conceal import concealed
-from missing_physics.challenge.concealing.tuning import takes_back
+from missing_physics.challenge.concealing.tuning import corrects_file
 from missing_physics.challenge.scoring import score as scoring
 from missing_physics.challenge.scoring.result import case_score
 from missing_physics.challenge.scoring.score import judged, scored
@@ -56,7 +56,7 @@ def stated(**changes: object) -> bytes:
         (json.dumps(answer()).encode(), b"\xff"),
     ],
 )
-def test_an_answer_that_cannot_be_used_is_none(said: bytes, robot: bytes | None) -> None:
+def test_unusable_answer_counts_as_no_answer(said: bytes, robot: bytes | None) -> None:
     """Its case has a score, and the others theirs."""
     found = told(said, robot)
     assert found.verdict == "no answer"  # type: ignore[attr-defined]
@@ -66,7 +66,7 @@ def test_an_answer_that_cannot_be_used_is_none(said: bytes, robot: bytes | None)
     assert found.improvement is None  # type: ignore[attr-defined]
 
 
-def test_an_answer_whose_robot_breaks_the_engine_improves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answer_with_an_unsimulable_robot_has_no_improvement(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
     def breaks(robot: object, **how: object) -> object:
@@ -84,7 +84,7 @@ def test_an_answer_whose_robot_breaks_the_engine_improves_nothing(monkeypatch: p
     assert found.improvement is None  # type: ignore[attr-defined]
 
 
-def test_an_answer_that_is_another_robot_is_scored() -> None:
+def test_answer_with_another_robot_is_scored() -> None:
     other = robot_to_toml(design(ARM).nominal).encode()
     found = told(stated(), other)
     assert found.right_name  # type: ignore[attr-defined]
@@ -109,26 +109,28 @@ def given(factor: float) -> object:
     [("payload", "mass"), ("inertia", "mass"), ("inertia", "inertia_zz"), ("inertia", "first_moment_x")],
 )
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_only_what_takes_tuning_back_is_right(factor: float, effect: str, name: str, sign: int) -> None:
+def test_only_findings_that_correct_tuned_parameters_are_right(
+    factor: float, effect: str, name: str, sign: int
+) -> None:
     item = {"effect": effect, "location": "link2", "parameters": {name: {"value": 0.1 * sign}}}
-    assert takes_back(TUNED, given(factor), item) == (sign * (1 - factor) > 0)  # type: ignore[arg-type]
-    assert not takes_back(TUNED, given(factor), {**item, "location": "link1"})  # type: ignore[arg-type]
-    assert not takes_back(TUNED, TUNED.nominal, item)
+    assert corrects_file(TUNED, given(factor), item) == (sign * (1 - factor) > 0)  # type: ignore[arg-type]
+    assert not corrects_file(TUNED, given(factor), {**item, "location": "link1"})  # type: ignore[arg-type]
+    assert not corrects_file(TUNED, TUNED.nominal, item)
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.5])
 @pytest.mark.parametrize("told", [0.5, 1.0, 1.7])
-def test_tuned_friction_is_reported_as_a_whole(factor: float, told: float) -> None:
+def test_finding_of_tuned_friction_replaces_the_whole_coefficient(factor: float, told: float) -> None:
     """In the place of the file's number, so that less than that takes back what was tuned to more."""
     use = TUNED.nominal.effects[0]
     [(name, value)] = use.parameters.items()
     other = use.model_copy(update={name: factor * value})
     tuned = TUNED.nominal.model_copy(update={"effects": (other, *TUNED.nominal.effects[1:])})
     item = {"effect": use.effect, "location": use.at, "parameters": {name: {"value": told * value}}}
-    assert takes_back(TUNED, tuned, item) == ((told > factor) == (factor < 1))
+    assert corrects_file(TUNED, tuned, item) == ((told > factor) == (factor < 1))
 
 
-def test_a_change_the_other_way_is_a_wrong_name() -> None:
+def test_change_in_the_wrong_direction_is_a_wrong_name() -> None:
     said = answer("explained", ("payload", "link2", 0.99))
     for value, right in ((0.5, True), (-0.5, False)):
         said["findings"][0]["parameters"] = {"mass": {"value": value, "ci95": [None, None]}}  # type: ignore[index]

@@ -1,4 +1,4 @@
-"""What a diagnosing process can reach: its case, and nothing of the challenge."""
+"""The diagnosing process can access its case, and nothing of the challenge."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def challenge(tmp_path: Path) -> Path:
     return folder
 
 
-def test_the_process_reaches_neither_key_nor_seal(monkeypatch: pytest.MonkeyPatch, challenge: Path) -> None:
+def test_diagnosing_process_cannot_read_key_or_seal(monkeypatch: pytest.MonkeyPatch, challenge: Path) -> None:
     monkeypatch.setenv("CHALLENGE_SECRET", "the key")
     seen = probed(monkeypatch, challenge)
     assert set(seen["environment"]) <= {
@@ -129,7 +129,7 @@ def _program() -> tuple[Path, ...]:
 
 
 @pytest.mark.usefixtures("namespaces")
-def test_what_would_tell_the_truth_is_out_of_reach(
+def test_diagnosing_process_cannot_read_the_truth(
     monkeypatch: pytest.MonkeyPatch, challenge: Path, tmp_path: Path
 ) -> None:
     """No privilege, no way back to the disk, no other case, no checkout, and nothing that draws truths."""
@@ -156,9 +156,7 @@ def test_what_would_tell_the_truth_is_out_of_reach(
 
 
 @pytest.mark.usefixtures("namespaces")
-def test_a_program_among_installed_packages_is_found_and_its_truth_is_not(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_isolation_works_for_an_installed_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As if Python itself lay around the program, the challenge, a checkout and the folder of all cases."""
     site = tmp_path / "lib" / "python3" / "site-packages"
     for room in ("robot_model", "reference_model", "missing_physics"):
@@ -177,11 +175,9 @@ def test_a_program_among_installed_packages_is_found_and_its_truth_is_not(
     assert seen["unmounted"] == []
 
 
-def test_a_visible_checkout_is_covered_but_for_what_runs(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_checkout_is_hidden_except_for_the_diagnosis(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     checkout = tmp_path / "src"
-    for room in (*blind.ROOMS, "missing_physics/challenge", ".venv", "reports"):
+    for room in (*blind.PACKAGES, "missing_physics/challenge", ".venv", "reports"):
         (checkout / room).mkdir(parents=True)
     (checkout / "pyproject.toml").touch()
     monkeypatch.setattr(blind, "_sources", lambda: checkout)
@@ -201,7 +197,7 @@ def test_a_visible_checkout_is_covered_but_for_what_runs(
 
 
 @pytest.mark.usefixtures("namespaces")
-def test_the_public_command_runs_there() -> None:
+def test_public_command_runs_in_isolation() -> None:
     """With all that it imports, and without the challenge."""
     with blind.case_folder() as folder:
         line = stage._command("diagnose", folder, ())
@@ -231,7 +227,7 @@ def test_a_root_folder_that_cannot_be_made_stops_the_run(monkeypatch: pytest.Mon
     assert (outcome.status, outcome.attempts) == ("stopped", 1)
 
 
-def test_without_namespaces_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_namespaces_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blind, "namespaces_allowed", lambda: False)
     assert blind.prefix(Path("/"), [Path("/")]) == []
     assert blind.isolation() == blind.EMPTIED

@@ -1,4 +1,4 @@
-"""Conditions of a case: their shares, and that each does what it says."""
+"""Conditions of a case: their frequencies and their implementation."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def along(conditions: Conditions) -> Concealed:
 
 
 @pytest.mark.parametrize("half", HALVES)
-def test_every_level_of_every_factor_has_its_share_in_either_half(half: str) -> None:
+def test_every_level_of_every_factor_is_balanced_in_both_halves(half: str) -> None:
     """Off by at most 8 of 150: two to three standard deviations of what the last, incomplete block may do."""
     drawn = [factors_of(number) for number in YARDSTICK_SEEDS if half_of(number) == half]
     assert len(drawn) == 150
@@ -84,13 +84,13 @@ def test_every_level_of_every_factor_has_its_share_in_either_half(half: str) -> 
     assert all(abs(counts[kind] - 150 / 4) <= 8 for kind in TORQUES)
 
 
-def test_a_block_of_either_half_holds_every_combination_once() -> None:
+def test_each_block_of_each_half_contains_every_combination_once() -> None:
     for parity in (0, 1):
         block = [factors_of(2 * k + parity) for k in range(2 * len(CELLS), 3 * len(CELLS))]
         assert Counter(block) == Counter(CELLS)
 
 
-def test_conditions_have_nothing_to_do_with_what_is_hidden() -> None:
+def test_conditions_are_independent_of_the_hidden_effects() -> None:
     """Pearson's chi-square of families against each factor on the yardstick: no more than chance."""
     families = [family_of(number) for number in YARDSTICK_SEEDS]
     for factor in Factors.model_fields:
@@ -105,7 +105,7 @@ def test_conditions_have_nothing_to_do_with_what_is_hidden() -> None:
         assert square < freedom + 3.5 * np.sqrt(2 * freedom), factor
 
 
-def test_the_split_of_the_yardstick_is_stable() -> None:
+def test_yardstick_halves_are_fixed() -> None:
     """The half that is only counted would be worth nothing if numbers changed sides."""
     assert range(50000, 50300) == YARDSTICK_SEEDS
     assert [half_of(number) for number in (50000, 50001, 50298, 50299)] == ["looked", "counted"] * 2
@@ -115,7 +115,7 @@ def test_the_split_of_the_yardstick_is_stable() -> None:
     ]
 
 
-def test_a_design_carries_its_conditions_out() -> None:
+def test_case_files_follow_the_conditions() -> None:
     for number in range(10050, 10075):
         case = draw_design(number)
         factors = factors_of(number)
@@ -130,7 +130,7 @@ def test_a_design_carries_its_conditions_out() -> None:
 
 @pytest.mark.parametrize("name", shipped_robots())
 @pytest.mark.parametrize("seed", range(5))
-def test_a_wrong_file_is_off_by_one_to_ten_percent_and_realisable(name: str, seed: int) -> None:
+def test_file_errors_are_one_to_ten_percent_and_realisable(name: str, seed: int) -> None:
     robot = load_robot(name)
     errors = draw_file_errors(robot, drawing(seed))
     file = with_file_errors(robot, errors)  # Robot itself refuses bodies that cannot be
@@ -147,14 +147,14 @@ def test_a_wrong_file_is_off_by_one_to_ten_percent_and_realisable(name: str, see
         assert before == after == 0 or 0.01 <= abs(after / before - 1) <= 0.1001
 
 
-def test_errors_of_a_file_differ_from_number_to_number() -> None:
+def test_file_errors_differ_between_parameters() -> None:
     errors = draw_file_errors(load_robot("six_joint_space_arm"), drawing())
     assert {"base.mass", "link1.inertia", "joint1.rotor_inertia"} <= set(errors)
     assert len(set(errors.values())) == len(errors)
     assert 0.2 < np.mean([error > 0 for error in errors.values()]) < 0.8
 
 
-def test_the_machine_is_moved_as_it_is_and_described_as_the_file_has_it() -> None:
+def test_simulation_uses_the_machine_and_diagnosis_gets_the_file() -> None:
     drawn = design(ARM, seconds=0.3)
     # A PD controller that does not know the arm's weight carries no model.
     blind = drawn.nominal.controller.model_copy(update={"gravity_feedforward": False})
@@ -165,7 +165,7 @@ def test_the_machine_is_moved_as_it_is_and_described_as_the_file_has_it() -> Non
     assert np.array_equal(wrong.exact[0]["joint1.torque"], exact.exact[0]["joint1.torque"])
 
 
-def test_a_controller_carries_the_numbers_of_the_file() -> None:
+def test_controller_uses_the_parameters_of_the_file() -> None:
     """A heavier model asks for more torque at rest than the machine needs."""
     arm = design(ARM, seconds=0.3).nominal
     robot = arm.model_copy(update={"controller": ComputedTorque(kp=400.0, kd=40.0)})
@@ -181,7 +181,7 @@ def files(conditions: Conditions) -> tuple[Robot, str, dict[str, bytes]]:
     return robot_from_toml(made["robot.toml"].decode()), made["robot.toml"].decode(), made
 
 
-def test_a_file_without_controller_has_no_reference_either() -> None:
+def test_robot_file_without_controller_has_no_reference() -> None:
     robot, _, made = files(Conditions(factors=Factors(controller_known=False)))
     assert isinstance(robot.controller, NoController)
     assert robot.reference is None
@@ -191,7 +191,7 @@ def test_a_file_without_controller_has_no_reference_either() -> None:
     assert b"joint1.reference_position" in complete["recording.csv"].splitlines()[0]
 
 
-def test_unstated_noise_is_no_number_in_any_file() -> None:
+def test_unstated_noise_is_in_no_file() -> None:
     robot, text, made = files(Conditions(factors=Factors(noise_stated=False)))
     assert robot.sensors == ()
     assert "noise" not in text
@@ -200,7 +200,7 @@ def test_unstated_noise_is_no_number_in_any_file() -> None:
     assert made["recording.csv"] == stated["recording.csv"]  # what was not said was there all the same
 
 
-def test_the_case_does_not_hold_its_conditions() -> None:
+def test_case_files_do_not_contain_the_conditions() -> None:
     """They are sealed with the truth: no word of them is in the files."""
     conditions = Conditions(
         factors=Factors(file_exact=False, torque="filtered"),
@@ -216,7 +216,7 @@ def test_the_case_does_not_hold_its_conditions() -> None:
 # Held command
 
 
-def test_a_held_command_is_a_staircase() -> None:
+def test_held_command_is_a_staircase() -> None:
     """Two samples of each tick of 10 ms hold the same torque; a continuous one changes at each."""
     robot = design(seconds=0.5).nominal
     held = robot.model_copy(
@@ -237,7 +237,7 @@ def test_a_hold_keeps_the_phase_of_the_loop_and_the_clock_of_the_recording() -> 
         assert hold == pytest.approx(SHORTEST) or hold * bandwidth(robot) / 2 <= PHASE
 
 
-def test_the_bandwidth_of_a_position_loop_has_its_closed_form() -> None:
+def test_bandwidth_of_a_position_loop_equals_its_closed_form() -> None:
     axis = load_robot("single_axis")
     robot = axis.model_copy(update={"controller": JointPD(kp=95.0 * 30.0**2, kd=95.0 * 20.0)})
     assert bandwidth(robot) == pytest.approx(30.0)
@@ -299,7 +299,7 @@ def test_noise_behind_a_filter_has_unit_rms_and_its_colour() -> None:
     assert correlation == pytest.approx(np.exp(-2 * np.pi * 30.0 / RATE), abs=0.02)
 
 
-def test_what_is_drawn_for_a_record_is_within_its_ranges() -> None:
+def test_drawn_torque_records_are_within_their_ranges() -> None:
     for seed in range(50):
         late, behind = (draw_torque_record(kind, RATE, drawing(seed)) for kind in ("delayed", "filtered"))
         assert 0.5 / RATE <= late.delay <= 1.0 / RATE
@@ -349,7 +349,7 @@ def test_filtered_noise_is_as_large_as_the_file_states() -> None:
     assert sensor.noise == pytest.approx(drawn * case.path.noise_gain)
 
 
-def test_noise_of_an_effects_size_is_on_a_command_too() -> None:
+def test_noise_of_an_effects_size_is_added_to_commands() -> None:
     case = hiding("torque_offset", "joint1", torque=8.0)
     noisy = {"noise_ratio": 0.5, "noise_of": case.hidden[0]}
     made = under(case.model_copy(update=noisy), Conditions(torque=TorqueRecord(kind="command")))
@@ -379,7 +379,7 @@ def test_the_exact_motion_of_a_case_makes_the_same_files_again(change: Callable[
     assert again == {name: made[name] for name in again}
 
 
-def test_least_squares_on_an_exact_file_leaves_noise_only() -> None:
+def test_least_squares_with_an_exact_file_leaves_only_noise() -> None:
     """Mass and friction of the axis against the recorded torque: nothing is missing, nothing is left."""
     case = along(Conditions(torque=TorqueRecord(kind="measured")))
     made, exact = case.recordings[0], case.exact[0]

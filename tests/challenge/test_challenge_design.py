@@ -1,4 +1,4 @@
-"""What is drawn: the same again from the number, valid in both engines, and nothing that tells."""
+"""Drawn cases: reproducible, valid in both engines, and without hints to the hidden effect."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def drawn() -> list:
     return [numbered(number) for number in NUMBERS]
 
 
-def test_every_block_of_numbers_holds_the_deck(drawn: list) -> None:
+def test_every_block_of_numbers_contains_all_families(drawn: list) -> None:
     block = len(DECK) * 400
     assert Counter(family_of(block + k) for k in range(len(DECK))) == Counter(DECK)
     assert Counter(d.family for d in drawn)["none"] >= 3
 
 
-def test_a_number_always_draws_the_same(drawn: list) -> None:
+def test_case_number_determines_the_case(drawn: list) -> None:
     again = Truth(nonce="a", designs=tuple(draw_design(n) for n in list(NUMBERS)[:4]))
     truth = Truth(nonce="a", designs=tuple(drawn[:4]))
     assert commitment(again) == commitment(truth)
@@ -47,11 +47,11 @@ def test_a_number_always_draws_the_same(drawn: list) -> None:
     assert commitment(truth.model_copy(update={"nonce": "b"})) != commitment(truth)
 
 
-def test_scoring_numbers_are_no_development_numbers() -> None:
+def test_scoring_and_development_numbers_are_disjoint() -> None:
     assert FIRST_SCORING_SEED not in DEVELOPMENT_SEEDS
 
 
-def test_both_engines_know_everything_that_is_hidden(drawn: list) -> None:
+def test_both_engines_support_all_hidden_effects(drawn: list) -> None:
     for case in drawn:
         assert len(used_effects(case.real)) == len(effects_of(case.real).faults) + sum(
             "." not in use.at for use in case.real.effects
@@ -68,7 +68,7 @@ def test_the_nominal_robot_lacks_what_is_hidden(drawn: list) -> None:
             assert all("coulomb_friction" in own for effect in own if effect in MODIFIERS)
 
 
-def test_sensors_and_gravity_are_drawn_within_what_machines_can_be() -> None:
+def test_sensors_and_gravity_are_drawn_within_realistic_ranges() -> None:
     arm = load_robot("two_link_arm")
     d = Draw(np.random.default_rng(5))
     sizes = {"torque": 1.0, "speed": 1.0, "peak": 10.0, "coulomb": 1.0, "viscous": 1.0}
@@ -81,7 +81,7 @@ def test_sensors_and_gravity_are_drawn_within_what_machines_can_be() -> None:
         assert not implausible("gravity", "base", tilt, arm)
 
 
-def test_families_hide_what_they_say(drawn: list) -> None:
+def test_cases_match_their_family(drawn: list) -> None:
     for case in drawn:
         assert bool(case.foreign) == (case.family == "foreign")
         assert len(case.hidden) == {"none": 0, "foreign": 0, "mixed": len(case.hidden)}.get(case.family, 1)
@@ -89,7 +89,7 @@ def test_families_hide_what_they_say(drawn: list) -> None:
         assert case.family != "compensated" or ROBOTS[case.shipped].compensated
 
 
-def test_feedforward_makes_up_for_most_of_what_is_compensated() -> None:
+def test_feedforward_cancels_most_of_a_compensated_effect() -> None:
     for number in (n for n in range(10000, 10200) if family_of(n) == "compensated"):
         case = numbered(number)
         [use] = case.hidden
@@ -100,7 +100,7 @@ def test_feedforward_makes_up_for_most_of_what_is_compensated() -> None:
         assert 0.6 <= made_up <= 0.95
 
 
-def test_a_feedforward_tells_no_family(drawn: list) -> None:
+def test_feedforward_does_not_reveal_the_family(drawn: list) -> None:
     with_it = {c.family for c in drawn if np.any(np.array(c.nominal.controller.coulomb_feedforward))}
     assert len(with_it - {"compensated"}) >= 2
     for case in drawn:
@@ -120,7 +120,7 @@ def test_motions_keep_the_limits(drawn: list) -> None:
                 assert position[:, k].max() <= high
 
 
-def test_files_of_a_case_do_not_tell() -> None:
+def test_case_files_do_not_reveal_the_hidden_effect() -> None:
     """Hidden or not: the same files, columns, rows, instants and digits, and no word of the truth."""
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     plain, hidden = made(case.model_copy(update={"hidden": ()})), made(case)
@@ -140,7 +140,7 @@ def test_files_of_a_case_do_not_tell() -> None:
     assert len(robot_from_toml(words).effects) == len(hidden.design.nominal.effects)
 
 
-def test_names_of_folders_are_in_no_order(drawn: list) -> None:
+def test_folder_names_are_unrelated_to_case_numbers(drawn: list) -> None:
     names = [case.name for case in drawn]
     assert len(set(names)) == len(names)
     assert names != sorted(names)
@@ -171,16 +171,14 @@ def test_tuning_hides_friction_in_the_nominal_parameters() -> None:
     assert energies[1] < 0.95 * energies[0]
 
 
-def test_the_exact_motion_survives_its_notation() -> None:
+def test_exact_motion_is_restored_from_its_file() -> None:
     files = concealed(design())
     again = with_exact(design(), files["exact.npz"])
     assert again.files() == {name: files[name] for name in FILES}
 
 
 @pytest.mark.parametrize(("wider", "inside"), [(1.0, True), (300.0, False)])
-def test_a_joint_that_runs_away_makes_no_case(
-    wider: float, inside: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unstable_joint_makes_no_case(wider: float, inside: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     case = design()
     along = made(case).exact[0]
     moved = {
@@ -195,7 +193,7 @@ def test_a_joint_that_runs_away_makes_no_case(
             concealed(case)
 
 
-def test_a_joint_that_races_where_no_limits_end_its_motion_makes_no_case(
+def test_excessive_speed_without_position_limits_makes_no_case(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     case = design()

@@ -1,4 +1,4 @@
-"""Physics outside the catalogue: closed forms, and that it acts where it should."""
+"""Physics outside the catalogue: closed forms and places."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from missing_physics.challenge.draws.manoeuvre import scales_of
 from reference_model.effects.catalogue import catalogue
 
 
-def test_there_are_enough_kinds_and_none_is_in_the_catalogue() -> None:
+def test_foreign_kinds_are_not_in_the_catalogue() -> None:
     assert len(KINDS) >= 8
     assert not set(KINDS) & set(catalogue())
 
@@ -69,7 +69,7 @@ def test_a_kind_acts_on_its_own_joint_only(kind: str) -> None:
     assert np.ptp(values[:, at]) > 0
 
 
-def test_every_kind_comes_up() -> None:
+def test_every_foreign_kind_is_drawn() -> None:
     case = design(ARM)
     scales = scales_of(case.nominal, np.ones((600, 2)))
     draw = Draw(np.random.default_rng(0))

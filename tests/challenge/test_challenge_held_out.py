@@ -1,4 +1,4 @@
-"""Held-out errors per joint, and what timing can take over."""
+"""Held-out errors per joint, and the part that timing explains."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from quick_ones import quick_names
 from missing_physics.challenge.cases.conditions import Conditions, TorqueRecord
 from missing_physics.challenge.cases.truth import Design
 from missing_physics.challenge.concealing.conceal import Concealed
-from missing_physics.challenge.concealing.tuning import takes_back
+from missing_physics.challenge.concealing.tuning import corrects_file
 from missing_physics.challenge.scoring.held_out import held_out_errors
 from missing_physics.challenge.scoring.information import IDENTIFIABLE, distances
 from missing_physics.challenge.torques.along import ArmAlong
@@ -36,7 +36,7 @@ def errors(case: Concealed) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("kind", quick_names(RECORDS, "measured", "filtered"))
-def test_the_true_robot_leaves_noise_however_its_torque_was_logged(kind: str) -> None:
+def test_true_robot_leaves_noise_for_every_kind_of_torque_record(kind: str) -> None:
     case = recorded(hiding("viscous_friction", "joint1", coefficient=150.0), RECORDS[kind])
     found = errors(case)
     assert found["answer"] == pytest.approx(found["noise"], rel=0.02)
@@ -50,15 +50,13 @@ def test_the_true_robot_leaves_noise_however_its_torque_was_logged(kind: str) ->
     ("effect", "values"),
     [("sensor_offset", {"offset": 9.0}), ("sensor_gain", {"gain_error": 0.3})],
 )
-def test_errors_of_a_torque_sensor_are_part_of_what_a_robot_expects(
-    effect: str, values: dict[str, float]
-) -> None:
+def test_torque_sensor_errors_are_part_of_the_expected_torque(effect: str, values: dict[str, float]) -> None:
     found = errors(made(hiding(effect, "joint1.torque", **values)))
     assert found["answer"] == pytest.approx(found["noise"], rel=0.01)
     assert found["nominal"] > 1.2 * found["noise"]
 
 
-def test_a_robot_that_cannot_be_worked_out_has_no_error() -> None:
+def test_unusable_robot_has_no_held_out_error() -> None:
     case = made(design())
     other = design(ARM).nominal
     found = held_out_errors(case, {"nominal": case.given, "answer": other, "x": None}, case.recordings[1])
@@ -71,7 +69,7 @@ def distance(case: Design) -> float:
     return found
 
 
-def test_a_delay_of_a_sample_is_timing_and_one_of_many_is_none() -> None:
+def test_one_sample_delay_is_timing_and_a_long_delay_is_an_effect() -> None:
     """All torques of the axis come late, as from a bus of their own; at 200 Hz a sample is 5 ms."""
     short, long = (
         distance(hiding("sensor_delay", "joint1.torque", AXIS, delay=seconds)) for seconds in (0.005, 0.03)
@@ -80,13 +78,13 @@ def test_a_delay_of_a_sample_is_timing_and_one_of_many_is_none() -> None:
     assert long > IDENTIFIABLE
 
 
-def test_a_delay_at_one_joint_of_two_is_no_timing() -> None:
+def test_delay_at_one_of_two_joints_is_not_timing() -> None:
     """What differs between joints is no offset between the buses of torque and position."""
     one = distance(hiding("sensor_delay", "joint2.torque", ARM, delay=0.005))
     assert one > 0.5 * IDENTIFIABLE
 
 
-def test_friction_is_no_timing() -> None:
+def test_friction_is_not_explained_by_timing() -> None:
     assert distance(hiding("coulomb_friction", "joint1", torque=8.0)) > 10 * IDENTIFIABLE
 
 
@@ -105,11 +103,11 @@ def test_a_finding_that_corrects_a_wrong_file_is_right(sign: int, error: str, ef
     case = design(ARM)
     wrong = case.model_copy(update={"conditions": Conditions(file_errors={error: 0.08})})
     item = {"effect": effect, "location": "link2", "parameters": {name: {"value": 0.01 * sign}}}
-    assert takes_back(wrong, Concealed(wrong).given, item) == (sign < 0)
-    assert not takes_back(case, made(case).given, item)
+    assert corrects_file(wrong, Concealed(wrong).given, item) == (sign < 0)
+    assert not corrects_file(case, made(case).given, item)
 
 
-def test_friction_of_a_wrong_file_is_named_as_a_whole() -> None:
+def test_finding_of_wrong_friction_replaces_the_whole_coefficient() -> None:
     use = EffectUse.model_validate({"effect": "viscous_friction", "at": "joint1", "coefficient": 100.0})
     case = design()
     case = case.model_copy(update={"nominal": case.nominal.model_copy(update={"effects": (use,)})})
@@ -119,4 +117,4 @@ def test_friction_of_a_wrong_file_is_named_as_a_whole() -> None:
     assert given.effects[0].parameters["coefficient"] == pytest.approx(90.0)
     for value, right in ((95.0, True), (80.0, False)):
         item = {"effect": use.effect, "location": use.at, "parameters": {"coefficient": {"value": value}}}
-        assert takes_back(wrong, given, item) == right
+        assert corrects_file(wrong, given, item) == right

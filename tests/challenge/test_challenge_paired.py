@@ -34,13 +34,13 @@ def test_the_interval_of_a_difference_of_shares_is_that_of_bonett_and_price() ->
     assert found.interval == pytest.approx((up - down - half, up - down + half))
 
 
-def test_a_yes_may_be_bad() -> None:
+def test_questions_with_a_bad_yes_are_compared_correctly() -> None:
     found = compare_shares("wrong", pairs(0, 3, 1, 6), good=False)
     assert (found.better, found.worse) == (1, 3)
     assert found.difference == pytest.approx(0.2)
 
 
-def test_engines_that_are_alike_do_not_differ() -> None:
+def test_equal_engines_show_no_difference() -> None:
     found = compare_shares("name", pairs(5, 0, 0, 5))
     assert (found.p_value, found.difference) == (1.0, 0.0)
     assert found.interval[0] < 0 < found.interval[1]
@@ -49,7 +49,7 @@ def test_engines_that_are_alike_do_not_differ() -> None:
     assert same.interval == (0.0, 0.0)
 
 
-def test_a_number_has_the_sign_test_and_students_interval() -> None:
+def test_numbers_are_compared_by_sign_test_and_students_interval() -> None:
     """Changes 1, 2, 3, -2: mean 1, standard deviation sqrt(14/3), quantile 3.182 of three degrees."""
     found = compare_numbers("log", [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0), (0.0, -2.0)], larger=True)
     assert (found.better, found.worse) == (3, 1)
@@ -60,7 +60,7 @@ def test_a_number_has_the_sign_test_and_students_interval() -> None:
     assert (less.better, less.worse) == (2, 1)
 
 
-def test_one_case_has_no_interval_and_none_no_mean() -> None:
+def test_single_case_has_no_interval_and_zero_cases_no_mean() -> None:
     assert compare_numbers("s", [(0.0, 1.0)], larger=True).interval == (-np.inf, np.inf)
     empty = compare_shares("s", [])
     assert (empty.cases, empty.p_value) == (0, 1.0)
@@ -102,12 +102,12 @@ def test_only_common_cases_are_compared() -> None:
         compare(engine({}), engine({}, {})[1:])
 
 
-def test_cases_that_are_not_the_same_are_refused() -> None:
+def test_different_cases_are_rejected() -> None:
     with pytest.raises(InputError, match="case 0 is not the same"):
         compare(engine({}), engine({"hidden": ("payload@link1",)}))
 
 
-def test_the_held_out_ratio_weighs_joints_by_their_noise() -> None:
+def test_held_out_ratio_weights_joints_by_their_noise() -> None:
     joints = {
         "a": {"noise": 1.0, "nominal": 3.0, "answer": 1.0},
         "b": {"noise": 10.0, "nominal": 40.0, "answer": 10.0},

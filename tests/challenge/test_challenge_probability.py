@@ -9,7 +9,7 @@ import pytest
 from challenge_cases import answer, hiding, made
 
 from missing_physics.challenge.scoring.probability import FLOOR, probability_score
-from missing_physics.challenge.scoring.score import stated_and_there
+from missing_physics.challenge.scoring.score import stated_and_true
 
 A, B = "coulomb_friction@joint1", "payload@link2"
 
@@ -40,7 +40,7 @@ def test_a_wrong_answer() -> None:
     assert score.candidates == 2
 
 
-def test_each_candidate_counts_by_itself() -> None:
+def test_both_scores_are_sums_over_candidates() -> None:
     score = probability_score({A: 0.8, B: 0.3}, [A])
     assert score.log == pytest.approx(log(0.8) + log(0.7))
     assert score.brier == pytest.approx(0.2**2 + 0.3**2)
@@ -49,46 +49,46 @@ def test_each_candidate_counts_by_itself() -> None:
 @pytest.mark.parametrize("truth", [0.1, 0.35, 0.8])
 def test_honest_probabilities_score_best(truth: float) -> None:
     """Both scores are proper: their expectation is best at the true probability."""
-    said = np.linspace(0.02, 0.98, 97)
+    message = np.linspace(0.02, 0.98, 97)
     for key, sign in (("log", 1), ("brier", -1)):
         yes, no = (
-            np.array([getattr(probability_score({A: p}, there), key) for p in said]) for there in ([A], [])
+            np.array([getattr(probability_score({A: p}, there), key) for p in message]) for there in ([A], [])
         )
         expected = sign * (truth * yes + (1 - truth) * no)
-        assert said[np.argmax(expected)] == pytest.approx(truth, abs=0.011)
+        assert message[np.argmax(expected)] == pytest.approx(truth, abs=0.011)
 
 
 def with_rivals(*rivals: tuple[str, str, float]) -> dict[str, object]:
-    said = answer("ambiguous", ("stribeck_friction", "joint1", 0.6))
-    said["findings"][0]["alternatives"] = [  # type: ignore[index]
+    message = answer("ambiguous", ("stribeck_friction", "joint1", 0.6))
+    message["findings"][0]["alternatives"] = [  # type: ignore[index]
         {"effect": effect, "location": at, "probability": p, "why_not": ""} for effect, at, p in rivals
     ]
-    return said
+    return message
 
 
 def test_rivals_of_a_finding_are_mentioned_with_their_probability() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     given = made(case).given
-    stated, there = stated_and_there(case, given, with_rivals(("coulomb_friction", "joint1", 0.3)))
+    stated, there = stated_and_true(case, given, with_rivals(("coulomb_friction", "joint1", 0.3)))
     assert stated == {"stribeck_friction@joint1": 0.6, A: 0.3}
     assert there == {A}
-    nothing, hidden = stated_and_there(case, given, None)
+    nothing, hidden = stated_and_true(case, given, None)
     assert nothing == {}
     assert hidden == {A}
 
 
 def test_a_finding_counts_before_a_rival_of_the_same_name() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
-    said = with_rivals(("stribeck_friction", "joint1", 0.1), ("viscous_friction", "joint1", 0.2))
-    stated, _ = stated_and_there(case, made(case).given, said)
+    message = with_rivals(("stribeck_friction", "joint1", 0.1), ("viscous_friction", "joint1", 0.2))
+    stated, _ = stated_and_true(case, made(case).given, message)
     assert stated == {"stribeck_friction@joint1": 0.6, "viscous_friction@joint1": 0.2}
 
 
-def test_a_rival_that_may_stand_for_a_wrong_number_of_the_file_is_left_out() -> None:
+def test_rival_that_may_correct_the_file_is_excluded() -> None:
     case = hiding("coulomb_friction", "joint1", torque=8.0)
     errors = {"file_errors": {"carriage.mass": 0.05}}
     wrong = case.model_copy(update={"conditions": case.conditions.model_copy(update=errors)})
-    said = with_rivals(("payload", "carriage", 0.3), ("cable_spring", "joint1", 0.1))
+    message = with_rivals(("payload", "carriage", 0.3), ("cable_spring", "joint1", 0.1))
     for truth, mentioned in ((case, 3), (wrong, 2)):
-        stated, _ = stated_and_there(truth, made(truth).given, said)
+        stated, _ = stated_and_true(truth, made(truth).given, message)
         assert len(stated) == mentioned

@@ -1,4 +1,4 @@
-"""Processes of a challenge: they end with it, leave nothing, and reach nobody."""
+"""Processes of a challenge: they end with it, leave nothing behind, and have no network."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _runs(pid: int) -> bool:
 
 @linux
 @pytest.mark.parametrize("way", [BY_THE_KERNEL, BY_ITSELF])
-def test_a_killed_challenge_takes_its_steps_along_and_the_next_one_cleans_up(
+def test_killed_challenge_ends_its_steps_and_the_next_one_cleans_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: dict[str, str]
 ) -> None:
     if way is BY_THE_KERNEL and not stage.ends_with_us():
@@ -77,7 +77,7 @@ def test_a_killed_challenge_takes_its_steps_along_and_the_next_one_cleans_up(
 
 
 @linux
-def test_the_diagnosing_process_gets_no_socket_to_the_host(tmp_path: Path) -> None:
+def test_diagnosing_process_has_no_socket_to_the_host(tmp_path: Path) -> None:
     (tmp_path / "tried.py").write_text(
         "import errno, socket, sys\n"
         "try:\n"

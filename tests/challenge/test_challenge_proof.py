@@ -1,4 +1,4 @@
-"""The whole chain with real processes, and on a dask cluster of which a worker is killed."""
+"""A complete challenge with real processes, and on a dask cluster of which a worker is killed."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def processes_with(words: str) -> list[str]:
 
 
 @pytest.mark.proof
-def test_an_interrupt_ends_what_runs_on_a_cluster(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_interrupt_ends_work_on_a_cluster(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """And no more cases were handed over than a window of them; another challenge there is left alone."""
     monkeypatch.setattr("missing_physics.challenge.processes.workers.carry_out", carry_out_forever)
     mine, other = tmp_path / "mine", tmp_path / "other"
@@ -122,7 +122,7 @@ def test_an_interrupt_ends_what_runs_on_a_cluster(monkeypatch: pytest.MonkeyPatc
             client.run(stage.end_all, "theirs")
 
 
-def test_a_fault_of_a_cluster_is_no_answer() -> None:
+def test_cluster_error_is_not_an_answer() -> None:
     class Future:
         def __init__(self, error: Exception) -> None:
             self.error = error
@@ -135,14 +135,14 @@ def test_a_fault_of_a_cluster_is_no_answer() -> None:
     assert workers._result(Future(ModuleNotFoundError("missing_physics"))).status == "stopped"
 
 
-def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missing_physics.challenge.processes.workers.PATIENCE", 1)
+def test_absent_scheduler_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missing_physics.challenge.processes.workers.ANSWER_TIME", 1)
     with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         list(carried_out(Work("diagnose", scheduler="tcp://127.0.0.1:9"), iter([])))
 
 
 @pytest.mark.proof
-def test_a_small_challenge_from_beginning_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_small_challenge_runs_completely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two cases in real processes; one diagnosis is killed from outside and tried again; then shown."""
     plain = truth(AXIS)
     hidden = hiding("coulomb_friction", "joint1", torque=10.0).model_copy(
@@ -177,7 +177,7 @@ def test_a_small_challenge_from_beginning_to_end(tmp_path: Path, monkeypatch: py
     assert json.loads((folder / "design.json").read_text())["hidden"]
 
 
-def test_the_command_line_says_what_is_wrong(tmp_path: Path) -> None:
+def test_challenge_command_reports_errors(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["challenge", "--show", "3", "--out", str(tmp_path)])
     assert isinstance(result.exception, InputError)
     assert "no challenge that has been opened" in str(result.exception)
@@ -206,7 +206,7 @@ def test_the_command_line_writes_both_pages(tmp_path: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupt_says_how_to_go_on(
+def test_interrupt_prints_how_to_resume(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -247,9 +247,9 @@ def test_a_signal_leaves_neither_processes_nor_folders(tmp_path: Path, kind: sig
         time.sleep(0.02)
     time.sleep(0.3)
     command.send_signal(kind)
-    _, said = command.communicate(timeout=60)
+    _, message = command.communicate(timeout=60)
     assert command.returncode == 128 + kind
-    assert "the same command goes on from there" in said
+    assert "the same command goes on from there" in message
     assert list(room.iterdir()) == []
     assert not [path for path in Path("/proc").glob("[0-9]*/environ") if str(room).encode() in readable(path)]
 

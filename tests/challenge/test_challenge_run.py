@@ -1,4 +1,4 @@
-"""The course of a challenge: order, resumption, and every way of spoiling it."""
+"""The course of a challenge: order, resumption, and detection of tampering."""
 
 from __future__ import annotations
 
@@ -40,23 +40,25 @@ def started(folder: Path, **more: object) -> Report:
     return run(Settings(seed=10000, cases=4, folder=folder, **more))  # type: ignore[arg-type]
 
 
-def test_sealed_before_diagnosed_and_opened_after(tmp_path: Path, steps: Steps) -> None:
-    said: list[tuple[str, int]] = []
+def test_truth_is_sealed_before_the_diagnosis_and_opened_after_it(tmp_path: Path, steps: Steps) -> None:
+    message: list[tuple[str, int]] = []
     known = truth(*NUMBERS)
-    report = started(tmp_path, say=lambda words: said.append((words, len(steps_of(steps.done, "diagnose")))))
+    report = started(
+        tmp_path, say=lambda words: message.append((words, len(steps_of(steps.done, "diagnose"))))
+    )
     assert [score.number for score in report.scores] == sorted(NUMBERS)
     sealed = (tmp_path / "sealed" / "1.bin").read_bytes()
-    assert said[0] == (f"truth  SHA-256 {commitment(known)}", 0)
-    assert digest(sealed) in said[1][0]
-    assert said[1][1] == 0
-    assert said[2][0].startswith("answers SHA-256")
-    assert said[2][1] == len(NUMBERS)
+    assert message[0] == (f"truth  SHA-256 {commitment(known)}", 0)
+    assert digest(sealed) in message[1][0]
+    assert message[1][1] == 0
+    assert message[2][0].startswith("answers SHA-256")
+    assert message[2][1] == len(NUMBERS)
     opened = json.loads((tmp_path / "opened.json").read_text())
     assert digest(unseal(sealed, bytes.fromhex(opened["key"]), what="it")) == commitment(known)
     assert opened["truth"]["designs"][0]["number"] == NUMBERS[0]
 
 
-def test_a_diagnosis_is_given_its_case_and_nothing_else(tmp_path: Path, steps: Steps) -> None:
+def test_diagnosis_receives_only_the_files_of_its_case(tmp_path: Path, steps: Steps) -> None:
     started(tmp_path)
     for (step, _), files in steps.seen.items():
         if step == "diagnose":
@@ -70,7 +72,7 @@ def test_cases_are_worked_on_in_the_order_of_their_random_names(tmp_path: Path, 
 
 
 @pytest.mark.parametrize("at", [marked(at, at in (0, 3, 4, 7, 8, 11)) for at in range(12)])
-def test_an_interrupted_run_goes_on(tmp_path: Path, steps: Steps, at: int) -> None:
+def test_interrupted_challenge_is_resumed(tmp_path: Path, steps: Steps, at: int) -> None:
     """Interrupted before each of the twelve processes in turn; none is carried out twice."""
     steps.interrupt_at = at
     with pytest.raises(KeyboardInterrupt):
@@ -83,7 +85,7 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, steps: Steps, at: int) -> No
     assert not list(tmp_path.rglob(".writing-*"))
 
 
-def test_a_finished_challenge_is_only_counted_again(tmp_path: Path, steps: Steps) -> None:
+def test_finished_challenge_is_only_summarised_again(tmp_path: Path, steps: Steps) -> None:
     first = started(tmp_path)
     done = len(steps.done)
     assert started(tmp_path) == first
@@ -91,7 +93,7 @@ def test_a_finished_challenge_is_only_counted_again(tmp_path: Path, steps: Steps
 
 
 @pytest.mark.parametrize("file", ["robot.toml", "recording.csv", "validation.csv"])
-def test_a_changed_case_is_named(tmp_path: Path, steps: Steps, file: str) -> None:
+def test_changed_case_is_detected(tmp_path: Path, steps: Steps, file: str) -> None:
     steps.interrupt_at = 5
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -101,7 +103,7 @@ def test_a_changed_case_is_named(tmp_path: Path, steps: Steps, file: str) -> Non
         started(tmp_path)
 
 
-def test_a_missing_case_is_named(tmp_path: Path, steps: Steps) -> None:
+def test_missing_case_is_detected(tmp_path: Path, steps: Steps) -> None:
     steps.interrupt_at = 5
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -112,7 +114,7 @@ def test_a_missing_case_is_named(tmp_path: Path, steps: Steps) -> None:
 
 
 @pytest.mark.parametrize("when", [6, 9], ids=["before opening", "after opening"])
-def test_a_changed_answer_is_named(tmp_path: Path, steps: Steps, when: int) -> None:
+def test_changed_answer_is_detected(tmp_path: Path, steps: Steps, when: int) -> None:
     steps.interrupt_at = when
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -122,7 +124,7 @@ def test_a_changed_answer_is_named(tmp_path: Path, steps: Steps, when: int) -> N
         started(tmp_path)
 
 
-def test_an_answer_rewritten_with_its_fingerprint_is_named(tmp_path: Path, steps: Steps) -> None:
+def test_answer_changed_together_with_its_fingerprint_is_detected(tmp_path: Path, steps: Steps) -> None:
     steps.interrupt_at = 8
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -135,7 +137,7 @@ def test_an_answer_rewritten_with_its_fingerprint_is_named(tmp_path: Path, steps
         started(tmp_path)
 
 
-def test_a_changed_seal_is_named(tmp_path: Path, steps: Steps) -> None:
+def test_changed_seal_is_detected(tmp_path: Path, steps: Steps) -> None:
     steps.interrupt_at = 5
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -144,7 +146,7 @@ def test_a_changed_seal_is_named(tmp_path: Path, steps: Steps) -> None:
         started(tmp_path)
 
 
-def test_a_changed_manifest_is_named(tmp_path: Path, steps: Steps) -> None:
+def test_changed_manifest_is_detected(tmp_path: Path, steps: Steps) -> None:
     steps.interrupt_at = 5
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -155,7 +157,7 @@ def test_a_changed_manifest_is_named(tmp_path: Path, steps: Steps) -> None:
 
 
 @pytest.mark.parametrize("key", ["00" * 32, "no key"])
-def test_a_changed_key_is_named(tmp_path: Path, steps: Steps, key: str) -> None:
+def test_changed_key_is_detected(tmp_path: Path, steps: Steps, key: str) -> None:
     started(tmp_path)
     path = tmp_path / "opened.json"
     opened = json.loads(path.read_text())
@@ -172,7 +174,7 @@ def test_two_challenges_do_not_mix(tmp_path: Path, steps: Steps, monkeypatch: py
         started(tmp_path)
 
 
-def test_another_version_of_the_program_does_not_go_on(
+def test_another_program_version_does_not_resume(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     steps.interrupt_at = 3 * len(NUMBERS) - 5  # one answer is owed
@@ -183,9 +185,7 @@ def test_another_version_of_the_program_does_not_go_on(
         started(tmp_path)
 
 
-def test_what_was_answered_can_be_counted_again(
-    tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_answers_can_be_scored_again(tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch) -> None:
     """When all answers are on disk a fault of the scoring may be corrected: all is scored again, and told."""
     steps.interrupt_at = 3 * len(NUMBERS) - 2  # two are scored
     with pytest.raises(KeyboardInterrupt):
@@ -198,13 +198,13 @@ def test_what_was_answered_can_be_counted_again(
     assert report.facts["program that scored"] == "another"
 
 
-def test_a_folder_with_cases_of_nobody_is_refused(tmp_path: Path, steps: Steps) -> None:
+def test_folder_with_cases_but_no_challenge_is_rejected(tmp_path: Path, steps: Steps) -> None:
     (tmp_path / "cases").mkdir()
     with pytest.raises(InputError, match=r"no challenge\.json"):
         started(tmp_path)
 
 
-def test_only_one_works_in_a_folder(tmp_path: Path, steps: Steps) -> None:
+def test_only_one_process_uses_a_folder(tmp_path: Path, steps: Steps) -> None:
     def second(words: str) -> None:
         with pytest.raises(InputError, match="another challenge is at work"):
             started(tmp_path)
@@ -213,7 +213,7 @@ def test_only_one_works_in_a_folder(tmp_path: Path, steps: Steps) -> None:
 
 
 @pytest.mark.parametrize("when", [marked(when, when % 12 == 1) for when in range(61)])
-def test_a_full_disk_leaves_what_is_finished(tmp_path: Path, steps: Steps, when: int) -> None:
+def test_full_disk_keeps_finished_work(tmp_path: Path, steps: Steps, when: int) -> None:
     """The n-th write to the disk fails; then there is room again."""
     writes = iter(range(10**6))
     real = Path.write_bytes
@@ -239,7 +239,7 @@ def test_a_full_disk_is_reported(tmp_path: Path, steps: Steps, monkeypatch: pyte
         started(tmp_path)
 
 
-def test_showing_needs_an_opened_challenge(tmp_path: Path, steps: Steps) -> None:
+def test_show_requires_an_opened_challenge(tmp_path: Path, steps: Steps) -> None:
     with pytest.raises(InputError, match="no challenge that has been opened"):
         show(tmp_path, AXIS)
     started(tmp_path)
@@ -248,6 +248,6 @@ def test_showing_needs_an_opened_challenge(tmp_path: Path, steps: Steps) -> None
 
 
 @pytest.mark.parametrize("changes", [{"cases": 0}, {"seed": -1}])
-def test_senseless_numbers_are_refused(tmp_path: Path, changes: dict[str, int]) -> None:
+def test_invalid_settings_are_rejected(tmp_path: Path, changes: dict[str, int]) -> None:
     with pytest.raises(InputError):
         run(Settings(**{"seed": 1, "cases": 1, "folder": tmp_path, **changes}))  # type: ignore[arg-type]

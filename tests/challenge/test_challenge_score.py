@@ -1,4 +1,4 @@
-"""Counting: findings against the truth, causes of failure, shares, and the pages made of them."""
+"""Scores: findings against the truth, causes of failure, fractions, and the resulting pages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def told(case: object, **said: object) -> dict:
     return judged(case, case.nominal, said["said"])  # type: ignore[attr-defined, arg-type]
 
 
-def test_regressors_hold_no_measured_torque() -> None:
+def test_baseline_regressors_contain_no_measured_torque() -> None:
     """A measured torque would explain itself."""
     case = made(COULOMB)
     channels = {name: np.full_like(case.exact[0].time, 7.0) for name in ("joint1.torque", "joint2.torque")}
@@ -77,7 +77,7 @@ def test_a_located_mismatch_without_a_name_has_its_place() -> None:
     assert (result["place"], result["right_name"]) == (True, False)
 
 
-def test_what_is_called_noise_is_no_place() -> None:
+def test_verdict_consistent_counts_as_no_place() -> None:
     given = {**answer("consistent"), "mismatch": [{"location": "joint1"}]}
     assert told(COULOMB, said=given)["place"] is False
 
@@ -90,12 +90,12 @@ def test_ambiguous_sets() -> None:
     assert told(COULOMB, said=answer("explained"))["in_set"] is None
 
 
-def test_no_answer_is_no_success() -> None:
+def test_missing_answer_is_not_a_success() -> None:
     result = judged(COULOMB, COULOMB.nominal, None)
     assert (result["verdict"], result["place"], result["right_name"]) == ("no answer", False, False)
 
 
-def test_foreign_physics_has_a_place_and_no_name() -> None:
+def test_foreign_physics_is_right_if_located_and_unnamed() -> None:
     case = design(ARM).model_copy(
         update={"foreign": Foreign(kind="cubic_spring", joint="joint2", parameters={}), "family": "foreign"}
     )
@@ -103,7 +103,7 @@ def test_foreign_physics_has_a_place_and_no_name() -> None:
     assert (result["place"], result["right_name"]) == (True, None)
 
 
-def test_the_spring_of_a_gear_with_losses_may_be_named_by_itself() -> None:
+def test_spring_of_a_gear_with_losses_may_be_named_separately() -> None:
     lossy = {"effect": "gear_hysteresis", "at": "joint1", "torque": 2.0, "travel": 1e-4}
     said = answer("explained", ("gear_hysteresis", "joint1", 0.99), ("joint_elasticity", "joint1", 0.99))
     for stiffness, right in ((1e4, True), (0.0, False)):
@@ -157,7 +157,7 @@ CORRECTED = Finding("inertia@link1", 0.99, True)
         ({"verdict": "explained", "findings": (CORRECTED, WRONG)}, True),
     ],
 )
-def test_a_wrong_file_is_a_difference_and_no_false_alarm(changes: dict, alarm: bool) -> None:
+def test_difference_due_to_file_errors_is_not_a_false_alarm(changes: dict, alarm: bool) -> None:
     case = score(family="none", **NOTHING, file_exact=False, **changes)
     assert false_alarm(case) is alarm
     if changes["verdict"] != "consistent":  # the same answer to an exact file
@@ -165,7 +165,7 @@ def test_a_wrong_file_is_a_difference_and_no_false_alarm(changes: dict, alarm: b
     assert false_alarm(score()) is None
 
 
-def test_correcting_the_file_besides_is_no_other_name() -> None:
+def test_additional_correction_of_the_file_is_not_a_wrong_name() -> None:
     both = {"findings": (RIGHT, CORRECTED), "right_name": True}
     assert score(**both).exactly is True
     assert score(**{**both, "findings": (RIGHT, WRONG)}).exactly is False
@@ -175,7 +175,7 @@ def test_correcting_the_file_besides_is_no_other_name() -> None:
     assert goals_of(score(**foreign, findings=(CORRECTED,)))["foreign physics left unnamed"].share.hits == 1
 
 
-def test_wilson_has_its_closed_form() -> None:
+def test_wilson_interval_equals_its_closed_form() -> None:
     """The bounds solve |p - x| = z sqrt(p (1 - p) / n) for p."""
     z = 1.959964
     for hits, count in [(0, 10), (3, 10), (10, 10), (190, 200)]:
@@ -186,7 +186,7 @@ def test_wilson_has_its_closed_form() -> None:
     assert wilson(0, 0) == (0.0, 1.0)
 
 
-def test_goals_tell_reached_from_proven() -> None:
+def test_goals_distinguish_reached_from_proven() -> None:
     assert Goal("a", Share(0, 0), least=0.9).verdict == "no case"
     assert Goal("a", Share(9, 10), least=0.95).verdict == "missed, not proven by so many cases"
     assert Goal("a", Share(5, 10), least=0.95).verdict == "missed"
@@ -196,7 +196,7 @@ def test_goals_tell_reached_from_proven() -> None:
     assert Goal("a", Share(5, 5), 0.90, 0.98).verdict == "missed, not proven by so many cases"
 
 
-def test_the_answer_has_no_part_in_what_is_identifiable() -> None:
+def test_identifiability_does_not_depend_on_the_answer() -> None:
     """Cases that the truth calls untellable do not count for names, whatever was answered."""
     clear = score(findings=(RIGHT,))
     dim = score(number=2, right_name=False, identifiable={"coulomb_friction@joint1": False})
@@ -234,7 +234,7 @@ def goals_of(*cases: CaseScore) -> dict[str, Goal]:
     return {goal.name: goal for goal in summary_of(Report(cases, {}, FACTS)).goals}
 
 
-def test_what_cannot_be_determined_counts_among_all() -> None:
+def test_unidentifiable_effects_count_among_all_cases() -> None:
     dim = score(number=2, right_name=False, place=False, identifiable={"coulomb_friction@joint1": False})
     both = score(number=3, findings=(RIGHT, WRONG))
     mixed = score(number=4, family="mixed", right_name=False, identifiable={"coulomb_friction@joint1": False})
@@ -248,14 +248,14 @@ def test_what_cannot_be_determined_counts_among_all() -> None:
     assert goals["all names right, all mixed effects"].share == Share(0, 1)
 
 
-def test_a_crash_is_no_restraint() -> None:
+def test_crash_is_not_counted_as_leaving_physics_unnamed() -> None:
     """Foreign physics of which a crashed diagnosis says nothing was not left unnamed."""
     silent = {"family": "foreign", **NOTHING, "foreign": "drag", "place": False}
     goals = goals_of(score(**silent, verdict="no answer"), score(number=2, **silent, verdict="unexplained"))
     assert goals["foreign physics left unnamed"].share == Share(1, 2)
 
 
-def test_an_answer_that_cannot_be_run_improves_nothing() -> None:
+def test_answer_that_cannot_be_simulated_counts_as_no_improvement() -> None:
     lost = score(number=2, errors={"nominal": 5.0, "truth": 1.0})
     level = score(number=3, errors={"nominal": 1.0, "truth": 1.0})
     found = summary_of(Report((score(), lost, level), {}, FACTS))
@@ -264,10 +264,10 @@ def test_an_answer_that_cannot_be_run_improves_nothing() -> None:
     assert found.unrun == 1
     assert found.improvement == pytest.approx(0.45)
     page = markdown(Report((score(), lost), {}, FACTS), command="c", environment="e")
-    assert "Of the cases counted 1 have no answer" in page
+    assert "1 of these cases have no answer" in page
 
 
-def test_the_most_probable_name_is_what_was_named() -> None:
+def test_confusion_uses_the_most_probable_name() -> None:
     """However right a less probable one is; and the right effect elsewhere is not the right one."""
     sure, elsewhere = Finding("payload@link1", 0.9, False), Finding("coulomb_friction@joint2", 0.9, False)
     right = Finding("coulomb_friction@joint1", 0.2, True)
@@ -306,7 +306,7 @@ def test_calibration_is_a_goal(cases: list[CaseScore], verdict: str, points: flo
     assert wanted(goal) == "at most 5 points"
 
 
-def test_every_case_that_falls_short_is_listed() -> None:
+def test_all_cases_that_miss_a_goal_are_listed() -> None:
     missed = Finding("coulomb_friction@joint1", 0.99, True, (), {"torque": False, "a": True})
     dim = {"identifiable": {"coulomb_friction@joint1": False}, "right_name": False, "place": False}
     cases = (
@@ -333,7 +333,7 @@ def test_every_case_that_falls_short_is_listed() -> None:
             assert words in page
 
 
-def test_both_pages_say_what_falls_short_and_how_to_repeat_a_case() -> None:
+def test_both_pages_list_missed_goals_and_how_to_repeat_a_case() -> None:
     report = Report((score(findings=(WRONG,), right_name=False),), {}, {**FACTS, "first case": 22000})
     for page in (markdown(report, command="c", environment="e"), render_challenge(report)):
         for words in (
@@ -345,7 +345,7 @@ def test_both_pages_say_what_falls_short_and_how_to_repeat_a_case() -> None:
             assert words in page.replace("\n", " ")
 
 
-def test_a_score_survives_its_notation() -> None:
+def test_score_is_restored_from_json() -> None:
     one = score(findings=(RIGHT,), models={"a": ModelScore(("x",), 1.0)})
     assert case_score(json.loads(json.dumps(dataclasses.asdict(one)))) == one
 
@@ -357,7 +357,7 @@ def evil() -> CaseScore:
     return score(findings=(Finding(EVIL, 0.5, False),), right_name=False, message=EVIL, robot=EVIL)
 
 
-def test_nothing_in_the_page_runs() -> None:
+def test_challenge_page_escapes_text() -> None:
     page = render_challenge(Report((evil(),), {7: EVIL}, {**FACTS, "x": EVIL}))
     assert EVIL not in page
     assert page.count("<script>") == 2
@@ -373,7 +373,7 @@ def test_the_markdown_page_lists_every_failure() -> None:
     assert "so that they prove nothing" in page
 
 
-def test_the_page_says_which_numbers_are_used_up() -> None:
+def test_page_lists_case_numbers_used_by_earlier_scores() -> None:
     facts = {**FACTS, "first case": 21000}
     page = markdown(Report((score(),), {}, facts), command="c", environment="e")
     assert (

@@ -1,4 +1,4 @@
-"""The seal: opens with its key, and with nothing else."""
+"""The seal opens with its key only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot_model import InputError
 
 
 @given(st.binary(max_size=300))
-def test_what_is_sealed_comes_back(content: bytes) -> None:
+def test_sealed_content_is_restored(content: bytes) -> None:
     key = new_key()
     assert unseal(seal(content, key), key, what="it") == content
 
@@ -27,7 +27,7 @@ def test_any_changed_byte_is_reported(content: bytes, data: st.DataObject) -> No
 
 
 @given(st.binary(max_size=40))
-def test_rubbish_is_reported(rubbish: bytes) -> None:
+def test_random_bytes_are_rejected_as_a_seal(rubbish: bytes) -> None:
     with pytest.raises(InputError):
         unseal(rubbish, new_key(), what="it")
 
@@ -37,6 +37,6 @@ def test_another_key_does_not_open() -> None:
         unseal(seal(b"truth", new_key()), new_key(), what="it")
 
 
-def test_sealing_twice_shows_no_likeness() -> None:
+def test_sealing_twice_gives_different_bytes() -> None:
     key = new_key()
     assert seal(b"truth", key) != seal(b"truth", key)

@@ -1,4 +1,4 @@
-"""Steps of a challenge are processes: what becomes of those that die, refuse, break off or take too long."""
+"""Steps of a challenge are processes: those that die, are rejected, break off or take too long."""
 
 from __future__ import annotations
 
@@ -34,9 +34,7 @@ def sleeper(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     monkeypatch.setattr(stage, "_command", lambda step, folder, hidden: [sys.executable, "-c", script])
 
 
-def test_a_worker_that_dies_costs_its_case_one_attempt(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_dead_worker_process_costs_one_attempt(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """One of three is killed from outside while it works; all three answer."""
     sleeper(
         monkeypatch,
@@ -65,7 +63,7 @@ def test_a_worker_that_dies_costs_its_case_one_attempt(
     assert sorted(outcome.attempts for outcome in outcomes.values()) == [1, 1, 2]
 
 
-def test_a_case_that_always_dies_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_case_whose_processes_always_die_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(
         monkeypatch,
         "import os, pathlib\nif pathlib.Path('name').read_text() == 'b': os.kill(os.getpid(), 9)\n",
@@ -77,14 +75,14 @@ def test_a_case_that_always_dies_fails_alone(monkeypatch: pytest.MonkeyPatch) ->
     assert (outcomes["b"].status, outcomes["b"].attempts) == ("failed", stage.ATTEMPTS)
 
 
-def test_what_takes_too_long_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_attempt_beyond_the_time_limit_is_not_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(monkeypatch, "import time; time.sleep(600)")
     monkeypatch.setattr(stage, "LONGEST", 0.2)
     outcome = stage.carry_out("diagnose", {})
     assert (outcome.status, outcome.attempts, outcome.message) == ("failed", 1, "no end after 0.2 s")
 
 
-def test_a_refusal_is_no_death(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rejected_input_is_not_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(monkeypatch, "import sys; print('no joint', file=sys.stderr); sys.exit(2)")
     outcome = stage.carry_out("diagnose", {})
     assert (outcome.status, outcome.attempts, outcome.message) == ("refused", 1, "no joint")
@@ -111,7 +109,7 @@ def step_of(case: Design, step: str = "conceal") -> subprocess.CompletedProcess[
     )
 
 
-def test_a_step_says_nothing_of_its_own() -> None:
+def test_step_prints_nothing_to_standard_output() -> None:
     """What a step writes to stderr is kept as the words of its case."""
     done = step_of(design().model_copy(update={"hidden": (EffectUse(effect="no_such", at="joint1"),)}))
     assert done.returncode == stage.UNUSABLE
@@ -119,7 +117,7 @@ def test_a_step_says_nothing_of_its_own() -> None:
     assert b"no_such" in done.stderr
 
 
-def test_what_is_hidden_lies_in_no_file_while_a_case_is_made(
+def test_hidden_physics_is_in_no_file_during_simulation(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The step reads what it got and says which files there were; none."""
@@ -138,13 +136,13 @@ def test_what_is_hidden_lies_in_no_file_while_a_case_is_made(
 
 
 @given(st.dictionaries(st.text(), st.binary()), st.integers(1, 9))
-def test_a_parcel_comes_back_and_a_cut_one_does_not(files: dict[str, bytes], cut: int) -> None:
+def test_packed_files_are_recovered_and_truncated_ones_rejected(files: dict[str, bytes], cut: int) -> None:
     assert unpacked(packed(files)) == files
     with pytest.raises(ValueError):  # noqa: PT011
         unpacked(packed({**files, "last": b"x" * 9})[:-cut])
 
 
-def test_a_step_that_breaks_off_its_parcel_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_step_with_truncated_output_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(monkeypatch, """print('{"a": 5}'); print('abc')""")
     outcome = stage.carry_out("score", {})
     assert (outcome.status, outcome.files) == ("failed", {})
@@ -152,7 +150,7 @@ def test_a_step_that_breaks_off_its_parcel_fails(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("step", ["conceal", "diagnose"])
-def test_a_machine_without_room_is_no_failure_of_the_case(monkeypatch: pytest.MonkeyPatch, step: Any) -> None:
+def test_full_disk_is_not_a_failure_of_the_case(monkeypatch: pytest.MonkeyPatch, step: Any) -> None:
     """Told by the process, by its exit code, or met before it could be started."""
     sleeper(monkeypatch, f"import sys; print('no space', file=sys.stderr); sys.exit({stage.STOPPED})")
     outcome = stage.carry_out(step, {"a": b""})
@@ -173,9 +171,7 @@ def test_a_machine_without_room_is_no_failure_of_the_case(monkeypatch: pytest.Mo
         pytest.param("MemoryError()", "too little memory", marks=pytest.mark.proof),
     ],
 )
-def test_a_step_that_meets_a_full_machine_says_so(
-    monkeypatch: pytest.MonkeyPatch, error: str, said: str
-) -> None:
+def test_step_reports_a_full_disk_or_memory(monkeypatch: pytest.MonkeyPatch, error: str, said: str) -> None:
     """In its own process: whatever part of it finds no room."""
     script = (
         "import errno, os, sys; from missing_physics.challenge import one_step\n"

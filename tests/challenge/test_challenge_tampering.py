@@ -1,4 +1,4 @@
-"""Every way of spoiling an opened challenge, and of going on without what was promised, is told."""
+"""Tampering with an opened challenge, or resuming without sealed files, is detected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from missing_physics.challenge import show
 from missing_physics.challenge.concealing.conceal import Concealed
 from missing_physics.challenge.processes.stage import Outcome
 from missing_physics.challenge.processes.workers import Work
-from missing_physics.challenge.scoring.score import _same_files
+from missing_physics.challenge.scoring.score import _check_files
 from missing_physics.challenge.seals.seal import digest
 from missing_physics.challenge.seals.sources import differing, program, sources
 from robot_model import InputError
@@ -90,7 +90,7 @@ AFTERWARDS: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("kind", AFTERWARDS)
-def test_what_is_changed_after_opening_is_named(tmp_path: Path, steps: Steps, kind: str) -> None:
+def test_change_after_opening_is_detected(tmp_path: Path, steps: Steps, kind: str) -> None:
     started(tmp_path)
     spoil, words = AFTERWARDS[kind]
     spoil(tmp_path)
@@ -99,7 +99,7 @@ def test_what_is_changed_after_opening_is_named(tmp_path: Path, steps: Steps, ki
 
 
 @pytest.mark.parametrize("kind", ["truth", "case", "another sealed file", "seal missing"])
-def test_nothing_changed_is_shown(tmp_path: Path, steps: Steps, kind: str) -> None:
+def test_changed_challenge_is_not_shown(tmp_path: Path, steps: Steps, kind: str) -> None:
     started(tmp_path)
     spoil, words = AFTERWARDS[kind]
     spoil(tmp_path)
@@ -107,7 +107,7 @@ def test_nothing_changed_is_shown(tmp_path: Path, steps: Steps, kind: str) -> No
         show(tmp_path, NUMBERS[0])
 
 
-def test_a_missing_seal_is_not_made_again_once_there_are_answers(tmp_path: Path, steps: Steps) -> None:
+def test_missing_seal_is_not_replaced_once_there_are_answers(tmp_path: Path, steps: Steps) -> None:
     steps.interrupt_at = 6
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -116,7 +116,7 @@ def test_a_missing_seal_is_not_made_again_once_there_are_answers(tmp_path: Path,
         started(tmp_path)
 
 
-def test_answers_announced_before_opening_hold(
+def test_recorded_answer_fingerprints_are_enforced(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Interrupted between the answers' fingerprints and the opening; then somebody improves an answer."""
@@ -131,7 +131,7 @@ def test_answers_announced_before_opening_hold(
     before = (tmp_path / "answers.json").read_bytes()
     rewritten_answer(tmp_path)
     (tmp_path / "answers.json").write_bytes(before)
-    with pytest.raises(InputError, match=r"answers/\w+ is not what .*answers\.json tells"):
+    with pytest.raises(InputError, match=r"answers/\w+ does not match its fingerprint in .*answers\.json"):
         started(tmp_path)
 
 
@@ -146,7 +146,7 @@ FILES = (
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_json_of_another_kind_is_one_sentence(tmp_path: Path, steps: Steps, file: str) -> None:
+def test_invalid_json_records_give_one_sentence(tmp_path: Path, steps: Steps, file: str) -> None:
     started(tmp_path)
     path = sorted(tmp_path.glob(file))[0]
     for content in ("{}", "[]", "3", "null", '{"files": 3}', '{"status": []', "\xff"):
@@ -157,7 +157,7 @@ def test_json_of_another_kind_is_one_sentence(tmp_path: Path, steps: Steps, file
 
 
 @pytest.mark.parametrize("content", ["{}", "[]", "3"])
-def test_a_score_of_another_kind_is_reported(tmp_path: Path, steps: Steps, content: str) -> None:
+def test_invalid_score_is_reported(tmp_path: Path, steps: Steps, content: str) -> None:
     """Even where its fingerprint was put right."""
     started(tmp_path)
     path = sorted((tmp_path / "scores").iterdir())[0]
@@ -175,20 +175,20 @@ def test_a_score_of_another_kind_is_reported(tmp_path: Path, steps: Steps, conte
         *(pytest.param(name, marks=pytest.mark.proof) for name in ("robot.toml", "validation.csv")),
     ],
 )
-def test_a_case_that_the_truth_does_not_make_is_reported(file: str) -> None:
+def test_case_inconsistent_with_the_truth_is_reported(file: str) -> None:
     case = made(design())
     files = case.files()
-    _same_files(case, files)
+    _check_files(case, files)
     rounded = files["recording.csv"].decode().splitlines()
     rounded[5] = ",".join([rounded[5].split(",")[0], *(f"{float(x):.7g}" for x in rounded[5].split(",")[1:])])
-    _same_files(case, {**files, "recording.csv": "\n".join(rounded).encode()})
+    _check_files(case, {**files, "recording.csv": "\n".join(rounded).encode()})
     other = Concealed(design().model_copy(update={"number": 5})).files()  # other noise
     if file == "robot.toml":
         mass = re.sub(rb"mass = ([0-9.]+)", lambda m: b"mass = %.6f" % (1.1 * float(m[1])), files[file])
         other = {file: mass}
     assert other[file] != files[file]
     with pytest.raises(InputError, match=f"{file} is not what the truth makes"):
-        _same_files(case, {**files, file: other[file]})
+        _check_files(case, {**files, file: other[file]})
 
 
 def test_a_recording_of_another_length_is_reported() -> None:
@@ -196,7 +196,7 @@ def test_a_recording_of_another_length_is_reported() -> None:
     files = case.files()
     short = b"\n".join(files["recording.csv"].splitlines()[:-7])
     with pytest.raises(InputError, match=r"recording\.csv is not what the truth makes"):
-        _same_files(case, {**files, "recording.csv": short})
+        _check_files(case, {**files, "recording.csv": short})
     assert np.isfinite(case.recordings[0].time).all()
 
 
@@ -218,7 +218,7 @@ class Failing(Steps):
 
 
 @pytest.mark.parametrize("at", [2, 6, 10])
-def test_a_process_on_a_full_disk_stops_the_run_and_is_tried_again(
+def test_full_disk_stops_the_run_and_the_step_is_repeated_later(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch, at: int
 ) -> None:
     full = Failing()
@@ -233,7 +233,7 @@ def test_a_process_on_a_full_disk_stops_the_run_and_is_tried_again(
 
 
 @pytest.mark.parametrize("step", ["conceal", "diagnose", "score"])
-def test_a_program_that_changes_while_it_runs_is_named(
+def test_program_change_during_a_run_is_detected(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     """What it made meanwhile is not kept; with the old program the run goes on."""
@@ -250,7 +250,7 @@ def test_a_program_that_changes_while_it_runs_is_named(
     assert len(started(tmp_path).scores) == len(NUMBERS)
 
 
-def test_a_program_that_changes_before_the_opening_is_named(
+def test_program_change_before_the_opening_is_detected(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     steps.interrupt_at = 2 * len(NUMBERS)
@@ -265,7 +265,7 @@ def test_a_program_that_changes_before_the_opening_is_named(
     assert not (tmp_path / "opened.json").exists()
 
 
-def test_the_program_is_all_that_computes() -> None:
+def test_program_fingerprint_covers_all_computing_sources() -> None:
     names = set(sources())
     assert {
         "reference_model/steppers/march.c",
@@ -276,7 +276,7 @@ def test_the_program_is_all_that_computes() -> None:
     assert differing({"a": "1", "b": "2"}, {"a": "1", "b": "3", "c": "4"}) == ["b", "c"]
 
 
-def test_isolation_is_what_the_processes_said(
+def test_reported_isolation_is_that_of_the_processes(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not what this machine could do: on a cluster every worker has its own."""
@@ -292,10 +292,10 @@ def test_isolation_is_what_the_processes_said(
     assert told == "3 cases: namespaces; 1 cases: nothing"
 
 
-def test_a_refusal_to_score_is_a_sentence_and_a_fault_is_not(
+def test_rejected_scoring_input_gives_a_sentence_and_a_fault_a_traceback(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kinds: dict[Any, type[Exception]] = {"refused": InputError, "failed": RuntimeError}
+    kinds: dict[Any, type[Exception]] = {"error": InputError, "failed": RuntimeError}
     for status, kind in kinds.items():
 
         def spoiled(work: Work, cases: Any, status: Any = status) -> Iterator[tuple[str, Outcome]]:
@@ -308,16 +308,16 @@ def test_a_refusal_to_score_is_a_sentence_and_a_fault_is_not(
             started(tmp_path / status)
 
 
-def test_the_disk_holds_a_folder_before_it_is_in_place(
+def test_folder_is_complete_on_disk_before_it_is_renamed(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A disk that refuses at the last moment, when it is asked to have written."""
 
-    def refused(handle: int) -> None:
+    def error(handle: int) -> None:
         if os.readlink(f"/proc/self/fd/{handle}").endswith("/robot.toml"):
             raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(os, "fsync", refused)
+    monkeypatch.setattr(os, "fsync", error)
     with pytest.raises(InputError, match="Input/output error"):
         started(tmp_path)
     assert not list(tmp_path.rglob("robot.toml"))

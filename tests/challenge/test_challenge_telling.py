@@ -1,4 +1,4 @@
-"""Nothing that the diagnosis sees proves that something is hidden."""
+"""Nothing that the diagnosis sees reveals that something is hidden."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def feedforward(robot: Robot) -> Iterator[str]:
 
 
 @pytest.mark.proof
-def test_no_feature_proves_that_something_is_hidden(many: list[Design]) -> None:
+def test_no_feature_of_a_case_reveals_a_hidden_effect(many: list[Design]) -> None:
     """Each occurs where nothing is missing and with foreign physics, or is rare everywhere."""
     seen = {family: Counter() for family in FAMILIES}
     for case in many:
@@ -108,7 +108,7 @@ def test_effects_are_listed_in_one_order(drawn: list[Design]) -> None:
         assert listed == sorted(listed)
 
 
-def test_numbers_of_a_robot_are_within_what_is_drawn_without_anything_hidden(drawn: list[Design]) -> None:
+def test_parameters_of_all_robots_are_within_the_same_ranges(drawn: list[Design]) -> None:
     for case in drawn:
         ranges = usual(case.shipped)
         for use in case.nominal.effects:
@@ -119,7 +119,7 @@ def test_numbers_of_a_robot_are_within_what_is_drawn_without_anything_hidden(dra
             assert low <= link.mass <= high
 
 
-def test_all_numbers_have_all_digits(drawn: list[Design]) -> None:
+def test_drawn_numbers_have_full_precision(drawn: list[Design]) -> None:
     def digits(value: float) -> int:
         return len(repr(float(value)).split("e")[0].replace(".", "").strip("0-"))
 
@@ -131,7 +131,7 @@ def test_all_numbers_have_all_digits(drawn: list[Design]) -> None:
         assert min(map(digits, values)) >= DIGITS, case.number
 
 
-def test_what_marks_a_family_is_as_frequent_where_nothing_is_hidden() -> None:
+def test_features_of_a_family_are_equally_frequent_without_hidden_effects() -> None:
     for family in ("feedback", "noisy"):
         weights = {own: DECK.count(own) for own in FAMILIES}
         hiding = [own for own in FAMILIES if own not in NAMELESS]
@@ -142,7 +142,7 @@ def test_what_marks_a_family_is_as_frequent_where_nothing_is_hidden() -> None:
         assert as_often_as(family, family, 0.1) == 1.0
 
 
-def test_a_remote_effect_is_where_nothing_is_measured() -> None:
+def test_remote_effect_acts_where_no_sensor_is() -> None:
     remote = [numbered(number) for number in MANY if family_of(number) == "remote"]
     effects = {use.effect for case in remote for use in case.hidden}
     assert len(effects) >= 4
@@ -179,7 +179,7 @@ def test_a_constant_effect_has_the_size_of_its_rms() -> None:
     assert effect_size(3.0 + wave) == pytest.approx(0.5**0.5, rel=1e-3)
 
 
-def test_noise_as_large_as_a_constant_effect_is_no_rounding() -> None:
+def test_noise_of_a_constant_effect_equals_its_rms() -> None:
     case = hiding("torque_offset", "joint1", torque=8.0)
     made = Concealed(case.model_copy(update={"noise_ratio": 1.0, "noise_of": case.hidden[0]}))
     sensor = made.sensed_by.sensor("joint1.torque")
@@ -187,7 +187,7 @@ def test_noise_as_large_as_a_constant_effect_is_no_rounding() -> None:
     assert sensor.noise == pytest.approx(8.0)
 
 
-def test_an_effect_that_does_nothing_leaves_the_noise() -> None:
+def test_negligible_effect_does_not_change_the_noise() -> None:
     """A wall out of reach and a limit above all torques do nothing but round."""
     for effect, values in (
         ("end_stop", {"stiffness": 1e5, "position": 9.0, "side": 1.0}),
@@ -199,7 +199,7 @@ def test_an_effect_that_does_nothing_leaves_the_noise() -> None:
         assert sensed.sensors == case.nominal.sensors
 
 
-def test_noise_of_an_effect_that_is_not_hidden_is_as_large() -> None:
+def test_noise_ratio_is_met_for_effects_that_are_not_hidden() -> None:
     hidden = hiding("torque_offset", "joint1", torque=8.0)
     case = hidden.model_copy(update={"hidden": (), "noise_ratio": 0.5, "noise_of": hidden.hidden[0]})
     sensor = Concealed(case).sensed_by.sensor("joint1.torque")
@@ -207,7 +207,7 @@ def test_noise_of_an_effect_that_is_not_hidden_is_as_large() -> None:
     assert sensor.noise == pytest.approx(4.0)
 
 
-def test_tuned_numbers_are_within_what_is_drawn() -> None:
+def test_tuned_parameters_are_within_the_drawn_ranges() -> None:
     case = hiding("coulomb_friction", "joint1", torque=300.0)
     viscous = EffectUse.model_validate({"effect": "viscous_friction", "at": "joint1", "coefficient": 250.0})
     nominal = case.nominal.with_effects(viscous)

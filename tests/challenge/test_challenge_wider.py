@@ -1,4 +1,4 @@
-"""Robots and effects beyond rigid arms and joints' torques: each is drawn, made, weighed and scored."""
+"""Robots and effects beyond rigid arms and joint torques: each is drawn, generated and scored."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_all_robots_and_kinds_are_drawn(drawn: list[Design]) -> None:
     assert warming.EFFECT in effects
 
 
-def test_a_sensor_does_not_tell_what_is_hidden(drawn: list[Design]) -> None:
+def test_sensors_do_not_reveal_the_hidden_effect(drawn: list[Design]) -> None:
     """Encoders at the motors and thermometers are in cases where nothing, or something else, is hidden."""
     with_motor = [c for c in drawn if any("motor_position" in s.channel for s in c.nominal.sensors)]
     geared = [c for c in with_motor if {use.effect for use in c.hidden} & set(GEARS)]
@@ -59,7 +59,7 @@ def test_a_sensor_does_not_tell_what_is_hidden(drawn: list[Design]) -> None:
         assert {"none", "foreign"} & {case.family for case in group}
 
 
-def test_only_robots_that_can_show_it_hide_it(drawn: list[Design]) -> None:
+def test_effects_are_hidden_only_in_robots_that_show_them(drawn: list[Design]) -> None:
     for case in drawn:
         for use in case.hidden:
             assert use.effect not in STRUCTURES or use.effect in ROBOTS[case.shipped].structures
@@ -95,7 +95,7 @@ def structure(effect: str) -> Callable[[Design], EffectUse]:
         pytest.param("reaction_wheel", BENT, marks=pytest.mark.proof),
     ],
 )
-def test_structures_are_made_and_what_they_do_is_known(effect: str, number: int) -> None:
+def test_cases_of_structures_are_generated_with_known_effect_torques(effect: str, number: int) -> None:
     """What the reference model says they do to the torques is what Exudyn's torques show."""
     use = structure(effect)(hidden_in(number, None))
     case = made(hidden_in(number, use))
@@ -112,7 +112,7 @@ def test_structures_are_made_and_what_they_do_is_known(effect: str, number: int)
 @pytest.mark.parametrize(
     "effect", [pytest.param(gear, marks=pytest.mark.proof if gear != "backlash" else ()) for gear in GEARS]
 )
-def test_gears_show_between_their_encoders(effect: str) -> None:
+def test_gear_effects_appear_between_the_encoders(effect: str) -> None:
     scale = Scale(1.5, 1.0, -0.5, 0.5, 40.0, 0.0, 0.0, 1.0)
     use = GEARS[effect](Draw(np.random.default_rng(5)), "joint1", scale)
 
@@ -146,12 +146,12 @@ def test_a_joint_that_warms_loses_friction() -> None:
     assert np.abs(part[:, 0]).max() > 3.0
     # The engines' friction passes through zero over the same 1e-4 rad/s, in other steps.
     assert np.sqrt(np.mean((missing - part) ** 2)) < 0.03 * np.sqrt(np.mean(part**2))
-    said = case.recordings[0]["joint1.temperature"]
-    assert np.abs(said - case.exact[0]["joint1.temperature"]).max() < 0.4
+    message = case.recordings[0]["joint1.temperature"]
+    assert np.abs(message - case.exact[0]["joint1.temperature"]).max() < 0.4
     assert distances(along, design.hidden)[f"{warming.EFFECT}@joint1"] > 0
 
 
-def test_parts_on_a_bending_robot_are_what_the_other_engine_adds() -> None:
+def test_effect_torques_of_a_flexible_robot_equal_exudyn() -> None:
     """A load of a rigid link moves base and modes too, which the regressors' reduction has to know."""
     values = {"mass": 2.0, "x": 3.0, "y": 0.2, "z": 0.0}
     use = EffectUse.model_validate({"effect": "payload", "at": "link1", **values})
@@ -165,7 +165,7 @@ def test_parts_on_a_bending_robot_are_what_the_other_engine_adds() -> None:
 
 
 @pytest.mark.proof
-def test_exact_beams_are_more_than_the_modes_that_the_file_describes() -> None:
+def test_exact_beams_differ_from_the_modal_links_of_the_file() -> None:
     one, other = (Concealed(hidden_in(BEAMS, None, beams=beams)) for beams in (False, True))
     modes, beams = one._run(one.design.real), other._run(other.design.real)
     assert np.abs(modes["joint1.torque"] - beams["joint1.torque"]).max() > 1e-5

@@ -1,4 +1,4 @@
-"""Recordings whose samples are even and whose time stamps are not, and the other way round."""
+"""Even samples with uneven time stamps, and uneven samples with correct ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def late(seed: int = 1) -> np.ndarray:
     return np.maximum.accumulate(found + 1e-9 * np.arange(SAMPLES))
 
 
-def test_even_samples_with_late_stamps_get_their_clock_back() -> None:
+def test_delayed_time_stamps_of_even_samples_are_corrected() -> None:
     found, words = on_even_clock(moved(even(), late()))
     # A clock is known but for when it begins and for the mean lateness.
     shift = found.time - even()
@@ -40,24 +40,24 @@ def test_even_samples_with_late_stamps_get_their_clock_back() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_samples_that_were_taken_when_they_were_stamped_keep_their_stamps(seed: int) -> None:
+def test_correct_time_stamps_of_uneven_samples_are_kept(seed: int) -> None:
     uneven = late(seed)
     found, words = on_even_clock(moved(uneven, uneven))
     assert words == ""
     assert np.array_equal(found.time, uneven)
 
 
-def test_a_sample_that_is_missing_is_no_late_stamp() -> None:
+def test_missing_sample_is_not_treated_as_a_delayed_time_stamp() -> None:
     kept = np.delete(even(), [700, 701, 702, 2500])
     assert on_even_clock(moved(kept, kept))[1] == ""
 
 
-def test_a_recording_on_an_even_clock_is_as_it_was() -> None:
+def test_evenly_sampled_recording_is_unchanged() -> None:
     before = moved(even(), even())
     assert on_even_clock(before) == (before, "")
 
 
-def test_joints_that_rest_say_nothing_of_a_clock() -> None:
+def test_joints_at_rest_do_not_change_time_stamps() -> None:
     stamps = late()
     still = Recording(stamps, {"joint1.position": np.zeros(SAMPLES)}, "run")
     assert on_even_clock(still) == (still, "")

@@ -1,4 +1,4 @@
-"""The program knows its commands without loading them."""
+"""Commands are known without loading them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_the_version_is_that_of_the_package(
     assert capsys.readouterr().out == f"missing-physics {metadata.version('missing-physics')}\n"
 
 
-def test_a_command_that_is_not_there_is_reported(
+def test_unknown_command_is_reported(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["missing-physics", "diagnos"])

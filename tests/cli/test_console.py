@@ -1,4 +1,4 @@
-"""What a command prints is what it was given: brackets, codes and control characters included."""
+"""Commands print text unchanged: brackets, codes and control characters included."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def printed(*words: object, table: bool = False) -> str:
 
 @pytest.mark.parametrize("name", ["[time]", "x[/y].csv", "[bold]b[/bold]", ":warning:", "[link=a]b", "a[0]"])
 @pytest.mark.parametrize("table", [False, True])
-def test_text_is_no_markup(name: str, table: bool) -> None:
+def test_text_is_not_interpreted_as_markup(name: str, table: bool) -> None:
     assert printed(name, table=table).rstrip() == name
     assert printed(styled(("a ", "bold"), name)).rstrip() == f"a {name}"
 
@@ -45,7 +45,7 @@ def test_control_characters_do_not_reach_the_terminal(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["x[/y].csv", "[bold red].csv", ":warning:.csv", "a\x1b[31mred.csv"])
-def test_a_file_is_called_what_it_is_called(
+def test_file_names_are_printed_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     path = tmp_path / name
@@ -62,7 +62,7 @@ def test_a_file_is_called_what_it_is_called(
     shutil.rmtree(tmp_path)
 
 
-def test_advice_in_brackets_is_printed(
+def test_text_in_brackets_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Seconds that are milliseconds: the table of the map in which to say so stands in the sentence."""
@@ -72,10 +72,10 @@ def test_advice_in_brackets_is_printed(
     monkeypatch.setattr("sys.argv", ["missing-physics", "inspect", str(path)])
     with pytest.raises(SystemExit) as left:
         main()
-    said = capsys.readouterr()
+    message = capsys.readouterr()
     assert left.value.code == 2
-    assert "scale = 0.001 in [time]" in said.out
-    assert "scale = 0.001 in [time]" in said.err
+    assert "scale = 0.001 in [time]" in message.out
+    assert "scale = 0.001 in [time]" in message.err
 
 
 @pytest.mark.parametrize("path", sorted(COMMANDS.rglob("*.py")), ids=lambda path: path.stem)

@@ -1,4 +1,4 @@
-"""Contradicting channels at the command line: one sentence, a map to paste, and a way to go on."""
+"""Contradicting channels at the command line: one sentence, a map to paste, and a way to continue."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return where
 
 
-def test_diagnose_ends_with_the_line_of_the_map(
+def test_diagnose_stops_and_prints_the_correcting_line_of_the_map(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("diagnose", folder / "robot.toml", folder / "wrong.csv", "--out", tmp_path / "out", "--quiet")
     assert run(monkeypatch, *words) == UNUSABLE_INPUT
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "wrong.csv: joint1.torque runs against the motion" in said
-    assert '[channels."joint1.torque"] source = "joint1.torque", scale = -1' in said
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert "wrong.csv: joint1.torque runs against the motion" in message
+    assert '[channels."joint1.torque"] source = "joint1.torque", scale = -1' in message
     assert not (tmp_path / "out").exists()
     assert run(monkeypatch, *words, "--as-recorded") == 0
     assert (tmp_path / "out" / "diagnosis.json").is_file()
@@ -61,7 +61,7 @@ def test_inspect_prints_a_map_that_corrects_it(
     assert "runs against" not in capsys.readouterr().out
 
 
-def test_without_a_robot_the_torque_cannot_be_judged(
+def test_without_a_robot_the_torque_is_not_checked(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, "inspect", folder / "wrong.csv") == 0
@@ -76,7 +76,7 @@ WRONG_RATES = {
 
 
 @pytest.mark.parametrize("which", WRONG_RATES)
-def test_diagnose_ends_with_what_is_wrong_with_a_velocity(
+def test_diagnose_stops_and_reports_a_wrong_velocity(
     which: str,
     folder: Path,
     tmp_path: Path,
@@ -94,13 +94,13 @@ def test_diagnose_ends_with_what_is_wrong_with_a_velocity(
     geared = joint.model_copy(update={"actuator": joint.actuator.model_copy(update={"gear_ratio": 100.0})})
     save_robot(robot.model_copy(update={"joints": (geared, *robot.joints[1:])}), tmp_path / "robot.toml")
     assert run(monkeypatch, "diagnose", tmp_path / "robot.toml", tmp_path / "wrong.csv") == UNUSABLE_INPUT
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert f"wrong.csv: joint1.velocity {words}" in said or f"of joint1.velocity {words}" in said
-    assert correction in said
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert f"wrong.csv: joint1.velocity {words}" in message or f"of joint1.velocity {words}" in message
+    assert correction in message
 
 
-def test_diagnose_refuses_an_attitude_in_another_order_before_any_physics_is_named(
+def test_diagnose_rejects_a_quaternion_in_another_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Dry friction is hidden besides: it is not named from a recording read wrongly."""
@@ -117,12 +117,12 @@ def test_diagnose_refuses_an_attitude_in_another_order_before_any_physics_is_nam
     write_recording(wrong, tmp_path / "wrong.csv")
     words = ("diagnose", tmp_path / "robot.toml", tmp_path / "wrong.csv", "--out", tmp_path / "out")
     assert run(monkeypatch, *words, "--quiet") == UNUSABLE_INPUT
-    said = capsys.readouterr()
-    assert said.err.count("\n") == 1
-    assert "base.attitude is in the order x, y, z, w" in said.err
+    message = capsys.readouterr()
+    assert message.err.count("\n") == 1
+    assert "base.attitude is in the order x, y, z, w" in message.err
     for channel, source in zip(order, (order[3], *order[:3])):
-        assert f'[channels."{channel}"] source = "{source}"' in said.err
-    assert "friction" not in said.err + said.out
+        assert f'[channels."{channel}"] source = "{source}"' in message.err
+    assert "friction" not in message.err + message.out
     assert not (tmp_path / "out").exists()
     write_recording(right, tmp_path / "right.csv")
     load_recording(tmp_path / "right.csv", robot=robot)  # as named, nothing contradicts

@@ -1,4 +1,4 @@
-"""`missing-physics crosscheck`: what it writes, what it refuses beforehand, and how it tells of failures."""
+"""`missing-physics crosscheck`: output, rejected input, and failures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def robot(tmp_path: Path) -> Path:
     return tmp_path / "arm.toml"
 
 
-def test_both_engines_side_by_side(robot: Path, tmp_path: Path) -> None:
+def test_crosscheck_command_compares_both_engines(robot: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     table = run(robot, "--out", out)
     report = json.loads((out / "crosscheck.json").read_text())
@@ -74,7 +74,7 @@ def test_both_engines_side_by_side(robot: Path, tmp_path: Path) -> None:
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
-def test_json_to_stdout_is_the_file(robot: Path, tmp_path: Path) -> None:
+def test_json_on_stdout_equals_the_file(robot: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     printed = run(robot, "--out", out, "--json", "--formulation", "tree", "--no-bounds")
     assert printed == (out / "crosscheck.json").read_text()
@@ -82,7 +82,7 @@ def test_json_to_stdout_is_the_file(robot: Path, tmp_path: Path) -> None:
     assert json.loads(printed)["outside"] is None
 
 
-def test_duration_cuts_the_motion(robot: Path, tmp_path: Path) -> None:
+def test_duration_option_shortens_the_motion(robot: Path, tmp_path: Path) -> None:
     words = (robot, "--out", tmp_path / "out", "--json", "--no-bounds", "--duration")
     assert json.loads(run(*words, 0.05))["duration"] == pytest.approx(0.05)
     with pytest.raises(InputError, match=r"ends after 0\.2 s; give less, or lengthen"):
@@ -109,7 +109,7 @@ def refuse_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
         ({}, ("--step", "-1"), "time step"),
     ],
 )
-def test_what_exudyn_cannot_carry_is_refused_by_name_before_anything_runs(
+def test_effects_unsupported_by_exudyn_are_rejected_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], options: tuple[str], words: str
 ) -> None:
     save_robot(load_robot("two_link_arm").model_copy(update=changes), tmp_path / "arm.toml")
@@ -119,7 +119,7 @@ def test_what_exudyn_cannot_carry_is_refused_by_name_before_anything_runs(
     assert not (tmp_path / "out").exists()
 
 
-def test_flexible_links_in_a_tree_are_refused_before_anything_runs(
+def test_flexible_links_in_a_tree_are_rejected_before_simulation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refuse_to_run(monkeypatch)
@@ -127,7 +127,7 @@ def test_flexible_links_in_a_tree_are_refused_before_anything_runs(
         run("flexible_space_robot_planar", "--formulation", "tree", "--out", tmp_path / "out")
 
 
-def test_a_run_that_exudyn_loses_is_exit_code_2_with_its_time_and_state_and_no_files(
+def test_diverged_exudyn_simulation_exits_with_code_2_and_no_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Speeds beyond 1e-3 rad/s stand for a diverging motion, which the reference integrates in peace."""
@@ -184,7 +184,7 @@ def test_the_coarser_run_has_exactly_twice_the_step(
 
 
 @pytest.mark.parametrize(("duration", "step"), [(2.0, 1e-3), (12.0, 3e-3), (400.0, 5e-3)])
-def test_the_usual_step_grows_with_the_motion_within_bounds(duration: float, step: float) -> None:
+def test_default_step_grows_with_the_duration_within_bounds(duration: float, step: float) -> None:
     arm = load_robot("two_link_arm")
     assert arm.reference is not None
     reference = arm.reference.model_copy(update={"duration": duration})

@@ -1,4 +1,4 @@
-"""Recordings with nothing in them, or with anything: a result or a sentence, and never a warning."""
+"""Degenerate recordings give a result or a sentence, and never a warning."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def proof(case: str, insist: bool) -> bool:
         for case, insist in [*((case, False) for case in CASES), *INSISTING]
     ],
 )
-def test_no_warning_reaches_the_user(
+def test_degenerate_recordings_print_no_library_warnings(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -98,7 +98,7 @@ def test_no_warning_reaches_the_user(
         if not insist:
             assert ended == code, capsys.readouterr().err
             assert run("inspect", log, "--robot", robot) in (0, 2)
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert ended in (0, 2)
-    assert "Warning" not in said
-    assert "Traceback" not in said
+    assert "Warning" not in message
+    assert "Traceback" not in message

@@ -1,4 +1,4 @@
-"""The demo: a case that is sealed before it is diagnosed, and the reveal that hides no failure."""
+"""The demo: a case is sealed before it is diagnosed, and failures are shown."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from robot_model import EffectUse, Robot, robot_from_toml
 SEEDS = range(40)
 
 
-def test_every_kind_and_joint_comes_up_and_a_seed_always_draws_the_same() -> None:
+def test_demo_draws_all_kinds_and_joints_reproducibly() -> None:
     drawn = [draw_case(seed) for seed in SEEDS]
     assert {case.hidden[0].effect for case in drawn} == {"coulomb_friction", "stribeck_friction"}
     assert {case.hidden[0].at for case in drawn} == {"joint1", "joint2"}
@@ -40,7 +40,7 @@ def test_every_kind_and_joint_comes_up_and_a_seed_always_draws_the_same() -> Non
     assert draw_case(3) == draw_case(3)
 
 
-def test_motions_keep_the_limits_and_are_not_the_same_twice() -> None:
+def test_demo_motions_keep_the_limits_and_differ() -> None:
     time = np.arange(0, one_case.DURATION, 0.02)
     for seed in range(10):
         case = draw_case(seed)
@@ -90,7 +90,7 @@ def run(*arguments: str) -> Any:
 
 
 @pytest.mark.usefixtures("quick")
-def test_the_truth_is_readable_in_no_file_before_the_answer(
+def test_demo_stores_the_truth_in_no_file_before_the_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Mapping[str, bytes]] = []
@@ -128,7 +128,7 @@ def test_the_truth_is_readable_in_no_file_before_the_answer(
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(("status", "code"), [("refused", 2), ("failed", 1), ("stopped", 75)])
-def test_a_failing_diagnosis_ends_the_demo_and_leaves_the_earlier_one(
+def test_failing_diagnosis_ends_the_demo_and_keeps_the_earlier_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: Any, code: int
 ) -> None:
     monkeypatch.setattr(
@@ -146,7 +146,7 @@ def test_a_failing_diagnosis_ends_the_demo_and_leaves_the_earlier_one(
     assert all((tmp_path / name).read_bytes() == b"old" for name in earlier)
 
 
-def test_without_a_seed_nobody_knows_the_case() -> None:
+def test_demo_draws_a_random_seed_by_default() -> None:
     assert len({module.secrets.randbits(module.SEED_BITS) for _ in range(5)}) == 5
 
 
@@ -156,7 +156,7 @@ def revealed(truth: dict[str, Any], findings: list[dict[str, Any]]) -> str:
     return console.export_text()
 
 
-def test_the_reveal_sets_truth_beside_finding() -> None:
+def test_demo_prints_truth_and_finding() -> None:
     text = revealed({"effect": "coulomb_friction", "at": "joint1", "torque": 4.05}, [FOUND])
     rows = {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
     assert "hidden: coulomb_friction at joint1" in text
@@ -164,7 +164,7 @@ def test_the_reveal_sets_truth_beside_finding() -> None:
     assert rows["torque"] == ["torque", "[N", "m]", "4.05", "4.00", "3.90", "to", "4.10", "yes"]
 
 
-def test_the_reveal_does_not_hide_a_failure() -> None:
+def test_demo_prints_a_failed_diagnosis() -> None:
     truth = {"effect": "cable_spring", "at": "joint2", "stiffness": 3.0}
     text = revealed(truth, [FOUND, {**FOUND, "effect": "torque_offset", "location": "joint2"}])
     rows = {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
@@ -175,7 +175,7 @@ def test_the_reveal_does_not_hide_a_failure() -> None:
     assert "found:  nothing (missed)" in revealed(truth, [])
 
 
-def test_the_reveal_tells_a_truth_among_several() -> None:
+def test_demo_prints_a_truth_among_ambiguous_findings() -> None:
     truth = {"effect": "torque_offset", "at": "joint1", "torque": 3.0}
     several = {**FOUND, "ambiguous_with": ["torque_offset@joint1"]}
     assert "among those that these data cannot distinguish" in revealed(truth, [several])
@@ -187,7 +187,7 @@ LONGEST = 120.0
 
 
 @pytest.mark.proof
-def test_the_demo_ends_in_time_with_everything_in_place(tmp_path: Path) -> None:
+def test_demo_finishes_in_time_with_all_files(tmp_path: Path) -> None:
     """The real command, twice in one folder: what the first left is gone or replaced."""
     fresh, took = [], []
     for seed in (5, 6):

@@ -1,4 +1,4 @@
-"""`missing-physics diagnose` from files to files, and what it refuses."""
+"""`missing-physics diagnose`: output files and rejected input."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ class Front:
         self.monkeypatch.setattr("sys.argv", ["missing-physics", "diagnose", *map(str, words)])
         with pytest.raises(SystemExit) as left:
             main()
-        said = self.capsys.readouterr()
-        return Said(int(left.value.code or 0), said.out, said.err)
+        message = self.capsys.readouterr()
+        return Said(int(left.value.code or 0), message.out, message.err)
 
 
 @pytest.fixture(scope="module")
@@ -86,15 +86,15 @@ def error(recording: Recording, robot: Robot) -> float:
     return float(np.sqrt(np.mean((recording["joint1.torque"] - again["joint1.torque"]) ** 2)))
 
 
-def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
+def test_diagnose_writes_all_files_and_the_augmented_robot_reproduces_the_recording(
     case: Path, first: tuple[Path, Said]
 ) -> None:
-    out, said = first
-    assert (said.code, said.err) == (0, "")
+    out, message = first
+    assert (message.code, message.err) == (0, "")
     assert {path.name for path in out.iterdir()} == FILES
     assert all(path.stat().st_size > 0 for path in out.iterdir())
-    assert said.out == (out / "diagnosis.json").read_text("utf-8")
-    found = json.loads(said.out)
+    assert message.out == (out / "diagnosis.json").read_text("utf-8")
+    found = json.loads(message.out)
     assert found["verdict"] == "explained"
     assert [(f["effect"], f["location"]) for f in found["findings"]] == [("coulomb_friction", "joint1")]
     torque, compared = found["fit"]["channels"]["joint1.torque"], found["comparison"]["channels"]
@@ -115,7 +115,7 @@ def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
     assert "coulomb" in html.lower()
 
 
-def test_the_same_again_replaces_old_files_with_a_summary_on_stdout_and_progress_on_stderr(
+def test_repeated_diagnose_replaces_files_with_summary_on_stdout_and_progress_on_stderr(
     case: Path, tmp_path: Path, front: Front, first: tuple[Path, Said]
 ) -> None:
     for name in FILES:
@@ -139,15 +139,15 @@ def test_the_same_again_replaces_old_files_with_a_summary_on_stdout_and_progress
         assert (first[0] / name).read_bytes() == second[name]
 
 
-def test_a_recording_that_cannot_tell_is_a_result_and_not_an_error(
+def test_uninformative_recording_is_a_result_and_not_an_error(
     case: Path, tmp_path: Path, front: Front
 ) -> None:
     whole = load_recording(case / "recording.csv")
     positions = {name: y for name, y in whole.channels.items() if name.endswith(".position")}
     write_recording(Recording(whole.time, positions), tmp_path / "mute.csv")
-    said = front.diagnose(case / "robot.toml", tmp_path / "mute.csv", "--out", tmp_path / "out", "--json")
-    assert said.code == 0
-    found = json.loads(said.out)
+    message = front.diagnose(case / "robot.toml", tmp_path / "mute.csv", "--out", tmp_path / "out", "--json")
+    assert message.code == 0
+    found = json.loads(message.out)
     assert found["verdict"] == "not_enough_data"
     [sentence] = found["could_not_tell"]
     assert sentence.startswith("joint1 and joint2: no torque, current or voltage is recorded")
@@ -156,15 +156,15 @@ def test_a_recording_that_cannot_tell_is_a_result_and_not_an_error(
 
 
 @pytest.mark.parametrize("samples", [55, 70, 90])
-def test_hardly_any_samples_are_not_enough_and_no_error(
+def test_very_few_samples_are_insufficient_but_not_an_error(
     case: Path, tmp_path: Path, front: Front, samples: int
 ) -> None:
     """Of so few, next to none are left inside the edges of the filter."""
     lines = (case / "recording.csv").read_text().splitlines()
     (tmp_path / "brief.csv").write_text("\n".join(lines[: samples + 1]) + "\n")
-    said = front.diagnose(case / "robot.toml", tmp_path / "brief.csv", "--out", tmp_path / "out", "--json")
-    assert said.code == 0
-    assert json.loads(said.out)["verdict"] == "not_enough_data"
+    message = front.diagnose(case / "robot.toml", tmp_path / "brief.csv", "--out", tmp_path / "out", "--json")
+    assert message.code == 0
+    assert json.loads(message.out)["verdict"] == "not_enough_data"
 
 
 def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
@@ -256,24 +256,26 @@ def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
         "unknown key",
     ],
 )
-def test_unusable_input_is_one_sentence_code_2_and_no_file(
+def test_unusable_input_gives_one_sentence_code_2_and_no_file(
     kind: str, case: Path, tmp_path: Path, front: Front
 ) -> None:
     words, sentence = spoilt(case, tmp_path, kind)
     out = tmp_path / "out"
-    said = front.diagnose(*words, "--out", out, "--quiet")
-    assert said.code == UNUSABLE_INPUT
-    assert said.out == ""
-    assert said.err.startswith("missing-physics: ")
-    assert said.err.count("\n") == 1
-    assert sentence in said.err
-    assert "Traceback" not in said.err
+    message = front.diagnose(*words, "--out", out, "--quiet")
+    assert message.code == UNUSABLE_INPUT
+    assert message.out == ""
+    assert message.err.startswith("missing-physics: ")
+    assert message.err.count("\n") == 1
+    assert sentence in message.err
+    assert "Traceback" not in message.err
     assert not out.exists()
 
 
-def test_a_folder_that_cannot_be_written_is_refused(case: Path, tmp_path: Path, front: Front) -> None:
+def test_unwritable_folder_is_rejected(case: Path, tmp_path: Path, front: Front) -> None:
     (tmp_path / "out").write_text("a file where the folder should be")
-    said = front.diagnose(case / "robot.toml", case / "recording.csv", "--out", tmp_path / "out", "--quiet")
-    assert said.code == UNUSABLE_INPUT
-    assert f"{tmp_path / 'out'} is a file; give a folder for the results." in said.err
+    message = front.diagnose(
+        case / "robot.toml", case / "recording.csv", "--out", tmp_path / "out", "--quiet"
+    )
+    assert message.code == UNUSABLE_INPUT
+    assert f"{tmp_path / 'out'} is a file; give a folder for the results." in message.err
     assert (tmp_path / "out").read_text() == "a file where the folder should be"

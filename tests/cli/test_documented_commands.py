@@ -1,4 +1,4 @@
-"""Commands that the pages show are read by the command line as it is; none of them is run."""
+"""Documented commands are valid for the command line; none of them is run."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_pages_show_commands() -> None:
 
 
 @pytest.mark.parametrize(("page", "line"), EVERY, ids=[f"{page}: {line[:60]}" for page, line in EVERY])
-def test_a_command_of_the_pages_is_one(page: str, line: str) -> None:
+def test_documented_command_is_valid(page: str, line: str) -> None:
     program, first, *words = shlex.split(line)
     if program == "make":
         assert first in TARGET.findall((ROOT / "Makefile").read_text())

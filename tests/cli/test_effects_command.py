@@ -1,4 +1,4 @@
-"""An effect's page in the terminal, with its plot, and as a file of its own."""
+"""An effect's page in the terminal, with its plot, and as a file."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_every_picture_is_drawn_with_characters(effect_id: str) -> None:
         assert words in text
 
 
-def test_a_plot_shows_the_numbers_of_the_simulation() -> None:
+def test_terminal_plot_shows_the_values_of_the_simulation() -> None:
     plot = plot_of("coulomb_friction")
     (low, low_word), *_, (high, high_word) = plot.y_marks
     scale = (float(high_word) - float(low_word)) / (high - low)
@@ -107,7 +107,7 @@ def test_a_page_in_the_terminal_ends_with_its_plot() -> None:
 
 
 @pytest.mark.parametrize("effect_id", list(catalogue()))
-def test_a_terminal_that_cannot_show_a_plot_gets_the_text_alone(effect_id: str) -> None:
+def test_terminal_without_plot_characters_gets_text_only(effect_id: str) -> None:
     for text in (printed(effect_id, encoding="ascii"), printed(effect_id, encoding="latin-1")):
         assert HEADING not in text
         assert get_effect(effect_id).id in text
@@ -133,9 +133,7 @@ class Page(HTMLParser):
 
 
 @pytest.mark.parametrize("effect_id", ["lugre_friction", "contact", "clock_drift"])
-def test_a_page_in_a_file_holds_everything_and_loads_nothing(
-    effect_id: str, run: Run, tmp_path: Path
-) -> None:
+def test_effect_page_is_self_contained(effect_id: str, run: Run, tmp_path: Path) -> None:
     out = tmp_path / "new" / "page.html"
     assert run(effect_id, "--out", str(out)) == (0, f"{out}\n", "")
     page, effect = Page(out.read_text("utf-8")), get_effect(effect_id)
@@ -153,25 +151,25 @@ def test_a_page_in_a_file_holds_everything_and_loads_nothing(
 
 
 def test_pages_of_all_effects_go_into_a_folder(run: Run, tmp_path: Path) -> None:
-    code, said, _ = run("--out", str(tmp_path / "all"))
+    code, message, _ = run("--out", str(tmp_path / "all"))
     assert code == 0
     assert {path.stem for path in (tmp_path / "all").iterdir()} == set(catalogue())
-    assert len(said.split()) == len(catalogue())
+    assert len(message.split()) == len(catalogue())
     assert run("slosh", "--out", str(tmp_path))[1] == f"{tmp_path / 'slosh.html'}\n"
 
 
-def test_what_cannot_be_written_is_refused_in_a_sentence(run: Run, tmp_path: Path) -> None:
-    code, said, why = run("--out", str(tmp_path / "page.html"))
-    assert (code, said) == (UNUSABLE_INPUT, "")
+def test_unwritable_page_is_rejected_with_one_sentence(run: Run, tmp_path: Path) -> None:
+    code, message, why = run("--out", str(tmp_path / "page.html"))
+    assert (code, message) == (UNUSABLE_INPUT, "")
     assert "name its effect" in why
     (tmp_path / "file").write_text("mine")
-    code, said, why = run("slosh", "--out", str(tmp_path / "file"))
-    assert (code, said) == (UNUSABLE_INPUT, "")
+    code, message, why = run("slosh", "--out", str(tmp_path / "file"))
+    assert (code, message) == (UNUSABLE_INPUT, "")
     assert "cannot write" in why
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("file", "mine")]
 
 
-def test_texts_of_other_packages_are_escaped_and_have_no_picture() -> None:
+def test_effect_texts_of_other_packages_are_escaped_without_picture() -> None:
     effect = Foreign()
     page = Page(render_effect(effect))
     assert not {"script", "img", "b", "svg"} & set(page.tags)

@@ -63,12 +63,12 @@ def words_of(machine: str, line: str, *, most: int | None = None) -> list[str]:
     return found
 
 
-def test_machines_with_a_robot_file_of_their_makers_have_a_command() -> None:
+def test_machines_with_a_manufacturer_robot_file_have_a_command() -> None:
     assert {machine for machine, _ in EVERY} >= {"dfki_double_pendulum", "kuka_iiwa14", "kinova_gen3", "go2"}
 
 
 @pytest.mark.parametrize(("machine", "line"), EVERY)
-def test_the_command_comes_to_its_diagnosis(
+def test_example_command_reaches_the_diagnosis(
     machine: str, line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Robot, overlay, map and recordings are read, checked and handed on."""
@@ -92,7 +92,7 @@ def test_the_command_comes_to_its_diagnosis(
 
 
 @pytest.mark.parametrize(("machine", "line"), EVERY)
-def test_inspect_takes_what_the_command_takes(
+def test_inspect_accepts_the_arguments_of_the_example_command(
     machine: str, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The first recording, with the robot, the overlay and the map of the command, is usable as it is."""
@@ -110,7 +110,7 @@ def test_inspect_takes_what_the_command_takes(
 
 @pytest.mark.proof
 @pytest.mark.parametrize(("machine", "line"), EVERY)
-def test_the_command_writes_its_diagnosis(
+def test_example_command_writes_its_diagnosis(
     machine: str, line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """All recordings of the command, as somebody types it: some seconds to some minutes."""

@@ -1,4 +1,4 @@
-"""What the front door says when the input is unusable, and when the machine refuses."""
+"""Messages and exit codes for unusable input and for a full disk or memory."""
 
 from __future__ import annotations
 
@@ -50,21 +50,21 @@ def raising(error: Exception) -> Any:
         (PermissionError(errno.EACCES, "Permission denied", "b"), 2, "Permission denied (b).\n"),
     ],
 )
-def test_one_sentence_and_a_code(
+def test_errors_give_one_sentence_and_an_exit_code(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     error: Exception,
     code: int,
     words: str,
 ) -> None:
-    found, said = ended(monkeypatch, capsys, raising(error))
+    found, message = ended(monkeypatch, capsys, raising(error))
     assert found == code
-    assert said.startswith("missing-physics: ")
-    assert said.endswith(words)
-    assert said.count("\n") == 1
+    assert message.startswith("missing-physics: ")
+    assert message.endswith(words)
+    assert message.count("\n") == 1
 
 
-def test_a_full_disk_behind_a_sentence_is_distinguished_from_unusable_input(
+def test_full_disk_is_distinguished_from_unusable_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A step of a challenge that ends like this has no answer yet, and is tried again."""
@@ -73,22 +73,22 @@ def test_a_full_disk_behind_a_sentence_is_distinguished_from_unusable_input(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "open", full)
-    code, said = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "a", "x"))
+    code, message = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "a", "x"))
     assert code == cli.TRY_AGAIN == stage.STOPPED
-    assert "cannot write" in said
+    assert "cannot write" in message
     monkeypatch.undo()
     (tmp_path / "file").touch()
     code, _ = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "file" / "a", "x"))
     assert code == cli.UNUSABLE_INPUT == stage.UNUSABLE
 
 
-def test_other_faults_of_the_program_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_program_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cli, "app", raising(RuntimeError("no such state")))
     with pytest.raises(RuntimeError, match="no such state"):
         cli.main()
 
 
-def test_memory_that_is_not_there_behind_a_sentence_is_distinguished_from_unusable_input(
+def test_lack_of_memory_is_distinguished_from_unusable_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def command(**_: object) -> None:
@@ -100,7 +100,7 @@ def test_memory_that_is_not_there_behind_a_sentence_is_distinguished_from_unusab
     assert ended(monkeypatch, capsys, command)[0] == cli.TRY_AGAIN
 
 
-def test_what_lacks_room() -> None:
+def test_errors_of_full_disk_or_memory_are_recognised() -> None:
     assert lacks_room(OSError(errno.ENOSPC, ""))
     assert lacks_room(MemoryError())
     assert not lacks_room(OSError(errno.ENOENT, ""))
@@ -118,29 +118,31 @@ def test_what_lacks_room() -> None:
         (["inspect", "--no-such-option"], "--no-such-option"),
     ],
 )
-def test_a_command_line_that_cannot_be_read_is_one_sentence(
+def test_invalid_command_line_gives_one_sentence(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], told: str
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["missing-physics", *words])
     with pytest.raises(SystemExit) as end:
         cli.main()
-    out, said = capsys.readouterr()
-    assert (end.value.code, out, said.count("\n")) == (cli.UNUSABLE_INPUT, "", 1)
-    assert said.startswith("missing-physics: ")
-    assert told in said
+    out, message = capsys.readouterr()
+    assert (end.value.code, out, message.count("\n")) == (cli.UNUSABLE_INPUT, "", 1)
+    assert message.startswith("missing-physics: ")
+    assert told in message
 
 
-def test_no_word_gives_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_empty_command_line_prints_the_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(sys, "argv", ["missing-physics"])
     with pytest.raises(SystemExit) as end:
         cli.main()
-    out, said = capsys.readouterr()
-    assert (end.value.code, said) == (cli.UNUSABLE_INPUT, "")
+    out, message = capsys.readouterr()
+    assert (end.value.code, message) == (cli.UNUSABLE_INPUT, "")
     assert "diagnose" in out
 
 
 @pytest.mark.parametrize(("stop", "code"), [(KeyboardInterrupt(), 130), (typer.Exit(3), 3)])
-def test_an_interrupt_and_an_early_end_have_codes(
+def test_interrupt_and_closed_pipe_have_exit_codes(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stop: BaseException, code: int
 ) -> None:
     app = typer.Typer()

@@ -1,4 +1,4 @@
-"""`docs/first_diagnosis.md` does what it shows."""
+"""The commands of `docs/first_diagnosis.md` give the shown results."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def without_numbers(line: str) -> str:
 
 
 @pytest.mark.proof
-def test_the_page_can_be_replayed(tmp_path: Path) -> None:
+def test_commands_of_the_first_diagnosis_page_can_be_replayed(tmp_path: Path) -> None:
     blocks = re.findall(r"```sh\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     programs = tmp_path / "bin"
     programs.mkdir()

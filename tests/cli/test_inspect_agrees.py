@@ -1,4 +1,4 @@
-"""`inspect` and `diagnose` say the same of what a recording can tell."""
+"""`inspect` and `diagnose` agree on the information in a recording."""
 
 from __future__ import annotations
 
@@ -94,15 +94,15 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
         monkeypatch.setattr("sys.argv", ["missing-physics", *map(str, words)])
         with pytest.raises(SystemExit) as left:
             main()
-        said = capsys.readouterr()
-        assert left.value.code == 0, said.err
-        return said.out
+        message = capsys.readouterr()
+        assert left.value.code == 0, message.err
+        return message.out
 
     return printed
 
 
 @pytest.mark.parametrize("kind", SPOILT)
-def test_what_a_diagnosis_cannot_judge_an_inspection_tells(tmp_path: Path, run: Said, kind: str) -> None:
+def test_inspection_reports_what_a_diagnosis_cannot_diagnose(tmp_path: Path, run: Said, kind: str) -> None:
     spoil, reasons = SPOILT[kind]
     robot, log = tmp_path / "robot.toml", tmp_path / "log.npz"
     save_robot(arm(), robot)
@@ -121,7 +121,7 @@ def test_what_a_diagnosis_cannot_judge_an_inspection_tells(tmp_path: Path, run: 
     assert not [line for line in seen["can_tell"] if line.startswith("joint")]
 
 
-def test_where_nothing_is_wrong_both_say_so(tmp_path: Path, run: Said) -> None:
+def test_inspection_and_diagnosis_agree_on_clean_recordings(tmp_path: Path, run: Said) -> None:
     save_robot(arm(), tmp_path / "robot.toml")
     write_recording(made(), tmp_path / "log.npz")
     out = run("inspect", tmp_path / "log.npz", "--robot", tmp_path / "robot.toml")
@@ -144,7 +144,7 @@ def test_without_a_robot_a_missing_torque_is_a_problem_too(tmp_path: Path, run: 
     assert "must have the actuator's torque_constant and resistance" in run("inspect", tmp_path / "log.npz")
 
 
-def test_a_torque_constant_is_asked_for_once_on_the_console(tmp_path: Path, run: Said) -> None:
+def test_missing_torque_constant_is_reported_once_on_the_console(tmp_path: Path, run: Said) -> None:
     save_robot(arm(), tmp_path / "robot.toml")
     whole = made()
     write_recording(Recording(whole.time, named("current")(whole.channels)), tmp_path / "log.npz")
@@ -154,7 +154,7 @@ def test_a_torque_constant_is_asked_for_once_on_the_console(tmp_path: Path, run:
 
 
 @pytest.mark.parametrize(("count", "words"), [(0, "there is no reversal"), (1, "there is one reversal only")])
-def test_few_reversals_in_words(tmp_path: Path, run: Said, count: int, words: str) -> None:
+def test_few_reversals_are_reported(tmp_path: Path, run: Said, count: int, words: str) -> None:
     time = np.arange(1000) / 100.0
     there = time if count == 0 else np.abs(time - 4.0)
     write_recording(
@@ -163,7 +163,7 @@ def test_few_reversals_in_words(tmp_path: Path, run: Said, count: int, words: st
     assert words in run("inspect", tmp_path / "a.npz")
 
 
-def test_names_and_numbers_are_whole_on_a_narrow_terminal(
+def test_names_and_numbers_are_not_cut_on_a_narrow_terminal(
     tmp_path: Path, run: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "40")

@@ -1,4 +1,4 @@
-"""Ctrl-C ends a run of a machine whose controller holds its command, in the product as a user starts it."""
+"""Ctrl-C ends a simulation with a sampled controller, as started by a user."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _cpu(pid: int) -> float:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see that it runs")
 @pytest.mark.parametrize("held", [True, pytest.param(False, marks=pytest.mark.proof)])
-def test_a_long_run_ends_within_two_seconds_of_its_own_time(tmp_path: Path, held: bool) -> None:
+def test_interrupted_run_ends_within_two_seconds(tmp_path: Path, held: bool) -> None:
     text = (files("robot_model") / "library" / "six_joint_space_arm.toml").read_text()
     controller = "kd = 12.0\nsample_time = 0.001" if held else "kd = 12.0"
     text = text.replace("kd = 12.0", controller).replace("duration = 30.0", "duration = 3000.0")

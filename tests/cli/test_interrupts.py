@@ -1,4 +1,4 @@
-"""Ctrl-C, signals like it, and readers that go away end a command with the code that a shell expects."""
+"""Ctrl-C, other signals and closed pipes end a command with the exit code that a shell expects."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ def _default_handlers() -> Iterator[None]:
         (signal.SIGHUP, "missing-physics: ended by SIGHUP.\n"),
     ],
 )
-def test_a_signal_gives_one_sentence_and_its_code(
+def test_signal_gives_one_sentence_and_its_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: signal.Signals, words: str
 ) -> None:
     assert running(monkeypatch, lambda: interrupt(kind)) == 128 + kind
     assert capsys.readouterr() == ("", words)
 
 
-def test_an_interrupt_that_a_library_drops_is_raised_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_dropped_by_a_library_is_raised_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """CasADi drops it wherever it asks Python for an attribute of an operand."""
 
     def command() -> None:
@@ -78,7 +78,7 @@ def test_an_interrupt_that_a_library_drops_is_raised_again(monkeypatch: pytest.M
     assert running(monkeypatch, command) == 130
 
 
-def test_an_interrupt_that_became_a_fault_is_raised_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_converted_to_another_exception_is_raised_again(monkeypatch: pytest.MonkeyPatch) -> None:
     def command() -> None:
         try:
             with suppress(KeyboardInterrupt):
@@ -90,7 +90,7 @@ def test_an_interrupt_that_became_a_fault_is_raised_again(monkeypatch: pytest.Mo
     assert running(monkeypatch, command) == 130
 
 
-def test_what_is_tidied_up_after_an_interrupt_is_not_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cleanup_after_an_interrupt_is_not_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[str] = []
 
     def command() -> None:
@@ -111,7 +111,7 @@ def test_no_timer_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     assert signal.getsignal(signal.SIGALRM) is before
 
 
-def test_an_interrupt_while_libraries_are_loaded() -> None:
+def test_interrupt_while_libraries_are_loaded_gives_one_sentence() -> None:
     program = (
         "import os, signal, sys\n"
         "class Interrupt:\n"
@@ -142,7 +142,7 @@ RECORDING = "time,joint1.position,joint1.torque\n" + "".join(
         ["diagnose", "--help"],
     ],
 )
-def test_a_closed_pipe_is_met_as_by_other_programs(
+def test_closed_pipe_ends_the_program_silently(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: list[str]
 ) -> None:
     """Without a word, and with what a shell says of a program that SIGPIPE has ended."""

@@ -1,4 +1,4 @@
-"""Without a terminal, every phase of a long command leaves a line."""
+"""Without a terminal, every phase of a long command prints a line."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from missing_physics.cli.progress import phases
 
 def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
     """Of stderr, without the seconds in front."""
-    said = capsys.readouterr()
-    assert said.out == ""
-    return [line.split(" s  ", 1)[1] for line in said.err.splitlines()]
+    message = capsys.readouterr()
+    assert message.out == ""
+    return [line.split(" s  ", 1)[1] for line in message.err.splitlines()]
 
 
 def waited_for(capsys: pytest.CaptureFixture[str]) -> list[str]:
@@ -27,7 +27,7 @@ def waited_for(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return []
 
 
-def test_a_line_when_a_phase_begins_and_none_when_it_is_reported_again(
+def test_one_progress_line_is_printed_per_phase(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress, "HELD", 0.02)
@@ -41,14 +41,14 @@ def test_a_line_when_a_phase_begins_and_none_when_it_is_reported_again(
     assert lines(capsys) == ["reading x[/y].csv"]
 
 
-def test_a_short_run_leaves_its_lines_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_short_run_prints_its_phases(capsys: pytest.CaptureFixture[str]) -> None:
     with phases(quiet=False) as tell:
         tell("reading")
         tell("fitting")
     assert lines(capsys) == ["reading", "fitting"]
 
 
-def test_a_quick_failure_leaves_its_own_sentence_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quick_failure_prints_only_its_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     def command() -> None:
         with phases(quiet=False) as tell:
             tell("reading")
@@ -59,7 +59,7 @@ def test_a_quick_failure_leaves_its_own_sentence_alone(capsys: pytest.CaptureFix
     assert lines(capsys) == []
 
 
-def test_a_line_for_every_tenth_of_a_phase(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_is_printed_for_every_tenth_of_a_phase(capsys: pytest.CaptureFixture[str]) -> None:
     with phases(quiet=False, measured=True) as tell:
         for done in range(101):
             tell("diagnosing 100 cases", done / 100)
@@ -68,7 +68,7 @@ def test_a_line_for_every_tenth_of_a_phase(capsys: pytest.CaptureFixture[str]) -
     assert lines(capsys) == ["diagnosing 100 cases", *parts, "scoring 100 cases"]
 
 
-def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_option_prints_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
     with phases(quiet=True) as tell:
         tell("fitting")
         tell("scoring", 0.5)

@@ -1,4 +1,4 @@
-"""A package of somebody else under the name of one of ours is reported in a sentence."""
+"""A foreign package that shadows one of this program is reported in one sentence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_a_package_that_hides_ours_is_one_sentence(tmp_path: Path) -> None:
+def test_shadowing_package_gives_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "robot_model.py").write_text("SOMETHING = 1\n")
     path = os.pathsep.join([str(tmp_path), str(ROOT)])
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""`missing-physics simulate`: what it writes, and what it refuses."""
+"""`missing-physics simulate`: output and rejected input."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(*words: object) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_the_file_holds_what_the_simulation_gives(robot: Path, tmp_path: Path, suffix: str) -> None:
+def test_simulate_command_writes_the_simulated_recording(robot: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"run.{suffix}"
     run(robot, "--out", out, "--seed", 7)
     wanted, found = simulate(load_robot(robot), seed=7), load_recording(out)
@@ -44,12 +44,12 @@ def test_the_file_holds_what_the_simulation_gives(robot: Path, tmp_path: Path, s
         np.testing.assert_array_equal(found[name], wanted[name])
 
 
-def test_truth_has_every_channel(robot: Path, tmp_path: Path) -> None:
+def test_truth_option_writes_every_channel(robot: Path, tmp_path: Path) -> None:
     run(robot, "--out", tmp_path / "run.csv", "--truth")
     assert "joint2.radial_force" in load_recording(tmp_path / "run.csv")
 
 
-def test_the_other_engine_gives_the_same_motion(robot: Path, tmp_path: Path) -> None:
+def test_simulate_command_gives_the_same_motion_with_both_engines(robot: Path, tmp_path: Path) -> None:
     for engine in ("reference", "exudyn"):
         run(robot, "--engine", engine, "--truth", "--out", tmp_path / f"{engine}.csv")
     one, other = (load_recording(tmp_path / f"{engine}.csv") for engine in ("reference", "exudyn"))
@@ -58,7 +58,7 @@ def test_the_other_engine_gives_the_same_motion(robot: Path, tmp_path: Path) -> 
         np.testing.assert_allclose(one[name], other[name], atol=1e-5)
 
 
-def test_default_name_and_no_file_after_a_refusal(
+def test_simulate_command_uses_a_default_name_and_writes_no_file_after_an_error(
     robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Nominal robot, standard model and answer are compared alike; the better one is written to the file."""
+"""Nominal robot, standard model and answer are compared alike; the better file is written."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def diagnosed(answer: Robot, own: tuple[Rows, ...], *findings: Finding) -> Resul
     return Result(diagnosis, (), (), robot_to_toml(answer), rows=own)
 
 
-def test_the_right_answer_is_written_with_the_standard_model_for_comparison(run: Recording) -> None:
+def test_correct_answer_is_written_next_to_the_standard_model(run: Recording) -> None:
     result = compared(diagnosed(MACHINE, rows(run)), ARM, [run], 1)
     found = result.diagnosis
     assert found.comparison.written == "answer"
@@ -72,7 +72,7 @@ def test_the_right_answer_is_written_with_the_standard_model_for_comparison(run:
     assert found.log_score.nominal < found.log_score.answer
 
 
-def test_an_answer_worse_than_the_standard_model_is_replaced_by_it(run: Recording) -> None:
+def test_answer_worse_than_the_standard_model_is_replaced_and_unproven(run: Recording) -> None:
     name = Finding("stribeck_friction", "joint1", 0.99, {})
     wrong = ARM.with_effects(friction(9.0), friction(9.0, "joint2"))
     found = judged(compared(diagnosed(wrong, rows(run), name), ARM, [run], 1), ARM)
@@ -123,9 +123,9 @@ def test_held_out_stretches_are_not_fitted(run: Recording) -> None:
     assert np.abs(blind - plain).max() < 0.1 * np.abs(seen - plain).max()
 
 
-def test_a_missing_standard_model_is_explained(run: Recording) -> None:
+def test_missing_standard_model_is_explained(run: Recording) -> None:
     found = compared(_empty(), ARM, [run], 1).diagnosis
-    assert "too little can be judged" in found.comparison.words
+    assert "do not contain enough data" in found.comparison.words
 
 
 def _empty() -> Result:
@@ -133,7 +133,7 @@ def _empty() -> Result:
     return Result(diagnosis, (), (), robot_to_toml(ARM))
 
 
-def test_a_singular_regression_is_explained(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_singular_regression_gives_one_sentence(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     def singular(*_: object) -> None:
         raise np.linalg.LinAlgError
 
@@ -145,7 +145,7 @@ def test_a_singular_regression_is_explained(run: Recording, monkeypatch: pytest.
     assert found.comparison.channels["joint1.torque"].standard is None
 
 
-def test_a_joint_without_usable_fitted_samples_is_named(run: Recording) -> None:
+def test_joint_without_usable_samples_is_named(run: Recording) -> None:
     [own] = rows(run)
     still = replace(own, counted=own.counted & np.array([True, False]))
     assert not_judged(ARM, (still,)) == ("joint2",)

@@ -1,4 +1,4 @@
-"""Credible values of machine parameters: one table, and no stated value is outside it."""
+"""Plausible ranges of machine parameters, which no stated parameter exceeds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SPACE = load_robot("six_joint_space_arm")
 WEIGHTLESS = ARM.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
 
 
-def test_every_row_matches_the_catalogue_with_a_narrower_range() -> None:
+def test_plausible_ranges_are_within_the_catalogue_and_have_its_units() -> None:
     for row in TABLE:
         parameter = get_effect(row.effect).parameter(row.parameter)
         assert parameter.unit == row.unit
@@ -45,7 +45,7 @@ def test_every_row_matches_the_catalogue_with_a_narrower_range() -> None:
         ("coulomb_friction", "joint1", {"torque": 1e3}, True),
     ],
 )
-def test_credible_values_are_accepted(
+def test_plausible_and_implausible_values_are_distinguished(
     effect: str, place: str, values: dict[str, float], credible: bool
 ) -> None:
     why = implausible(effect, place, values, ARM)
@@ -54,7 +54,7 @@ def test_credible_values_are_accepted(
 
 
 @pytest.mark.parametrize("robot", [SPACE, WEIGHTLESS])
-def test_gravity_is_unrestricted_for_floating_robots_or_files_without_it(robot) -> None:  # type: ignore[no-untyped-def]
+def test_any_gravity_is_plausible_for_floating_robots_or_without_gravity_in_the_file(robot) -> None:  # type: ignore[no-untyped-def]
     assert implausible("gravity", "base", {"x": 0.0, "y": 0.0, "z": -9.81}, robot) == ""
 
 
@@ -63,7 +63,7 @@ def test_a_torque_limit_far_below_the_required_torque_is_not_credible() -> None:
     assert not implausible("torque_saturation", "joint1", {"limit": 1.1}, ARM, needed=1.2)
 
 
-def test_stated_values_are_those_of_the_written_file() -> None:
+def test_stated_parameters_equal_those_of_the_written_file() -> None:
     link = ARM.links[-1]
     stated = [
         ParameterChange(f"{link.name}.mass", "kg", link.mass, link.mass, (-1.0, 50.0)),
@@ -90,13 +90,13 @@ def test_stated_values_are_those_of_the_written_file() -> None:
         ("joint1.coulomb", 1.0, 9.0, True),  # friction may be anything
     ],
 )
-def test_bodies_may_differ_by_parts_missing_in_drawings(
+def test_body_errors_of_typical_drawings_are_plausible(
     name: str, nominal: float, estimate: float, expected: bool
 ) -> None:
     robot = load_robot("flexible_space_robot")
     assert is_credible_number(name, estimate, nominal, robot) == expected
 
 
-def test_a_gyro_has_a_credible_scale_on_every_axis() -> None:
+def test_gyro_scale_is_plausible_on_every_axis() -> None:
     rows = [credible_range("sensor_gain", "gain_error", f"base.angular_velocity.{axis}") for axis in "xyz"]
     assert all(row is not None and row.high == 0.05 for row in rows)

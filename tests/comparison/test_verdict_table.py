@@ -1,4 +1,4 @@
-"""The verdict as a function of residuals, named effects and other search results."""
+"""The verdict as a function of the residual, the findings and further results of the search."""
 
 from __future__ import annotations
 

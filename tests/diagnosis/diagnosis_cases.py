@@ -1,4 +1,4 @@
-"""Recordings made by formula, whose motion and torque are known exactly."""
+"""Recordings from closed-form motions with exactly known torques."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots, and effects to hide in them, of the tests from a recording to an answer."""
+"""Robots and hidden effects of the end-to-end tests."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Case:
     """A hidden effect, what else the robot has and is known to have, and what shall be found of it.
 
     Attributes:
-        told: parameters whose true values shall be inside their intervals.
+        identified: parameters whose true values shall be inside their intervals.
         twins: other labels that are the same along these motions.
         improvement: least fall of the held-out error that shows that it was modelled.
     """
@@ -51,7 +51,7 @@ class Case:
     parameters: Mapping[str, float]
     improvement: float
     known: tuple[EffectUse, ...] = ()
-    told: tuple[str, ...] = field(default=())
+    identified: tuple[str, ...] = field(default=())
     twins: tuple[str, ...] = ()
 
     @property
@@ -62,44 +62,44 @@ class Case:
 DRY = EffectUse(effect="coulomb_friction", at="joint1", torque=2.0)
 #: The least improvement is a third of what the true model reaches with seed 1, as the noise allows.
 CASES = {
-    "coulomb": Case("coulomb_friction", "joint1", {"torque": 3.0}, 0.8, told=("torque",)),
+    "coulomb": Case("coulomb_friction", "joint1", {"torque": 3.0}, 0.8, identified=("torque",)),
     "stribeck": Case(
         "stribeck_friction",
         "joint2",
         {"coulomb_torque": 2.0, "static_torque": 3.5, "stribeck_velocity": 0.1},
         0.8,
-        told=("coulomb_torque", "static_torque", "stribeck_velocity"),
+        identified=("coulomb_torque", "static_torque", "stribeck_velocity"),
     ),
     "spring": Case(
         "cable_spring",
         "joint1",
         {"stiffness": 4.0, "torque_at_zero": 1.0},
         0.8,
-        told=("stiffness", "torque_at_zero"),
+        identified=("stiffness", "torque_at_zero"),
     ),
     "ripple": Case(
         "torque_ripple",
         "joint2",
         {"cosine": 0.5, "sine": 0.3, "cosine_per_torque": 0.0, "sine_per_torque": 0.0, "order": 80.0},
         0.7,
-        told=("cosine", "sine", "order"),
+        identified=("cosine", "sine", "order"),
     ),
     "asymmetric": Case(
         "asymmetric_friction",
         "joint1",
         {"coulomb_difference": 0.5, "viscous_difference": 0.4},
         0.7,
-        told=("coulomb_difference", "viscous_difference"),
+        identified=("coulomb_difference", "viscous_difference"),
     ),
-    "lag": Case("actuator_lag", "joint1", {"time_constant": 0.005}, 0.4, told=("time_constant",)),
-    "delay": Case("sensor_delay", "joint2.position", {"delay": 0.004}, 0.15, told=("delay",)),
+    "lag": Case("actuator_lag", "joint1", {"time_constant": 0.005}, 0.4, identified=("time_constant",)),
+    "delay": Case("sensor_delay", "joint2.position", {"delay": 0.004}, 0.15, identified=("delay",)),
     "by position": Case(
         "position_dependent_friction",
         "joint1",
         {"cosine": 0.4, "sine": 0.2, "order": 5.0},
         0.5,
         known=(DRY,),
-        told=("cosine", "sine", "order"),
+        identified=("cosine", "sine", "order"),
     ),
     "by load": Case(
         "load_dependent_friction",
@@ -107,7 +107,7 @@ CASES = {
         {"coefficient": 0.0, "gear_share": 0.04},
         0.8,
         known=(DRY,),
-        told=("gear_share",),
+        identified=("gear_share",),
     ),
     "payload": Case("payload", "link2", {"mass": 0.6, "x": 0.4, "y": 0.0, "z": 0.0}, 0.9),
     "torque gain": Case(
@@ -122,10 +122,10 @@ CASES = {
         "joint1.torque",
         {"delay": 0.005},
         0.4,
-        told=("delay",),
+        identified=("delay",),
         twins=("actuator_lag@joint2",),
     ),
-    "torque sensor clock": Case("clock_drift", "joint2.torque", {"rate": 7e-4}, 0.2, told=("rate",)),
+    "torque sensor clock": Case("clock_drift", "joint2.torque", {"rate": 7e-4}, 0.2, identified=("rate",)),
 }
 QUICK = Options(experiments=False)
 

@@ -1,4 +1,4 @@
-"""A free-floating arm of rigid links for the tests of what a base tells."""
+"""A free-floating rigid arm for the tests of base sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A free-flyer with rigid links and gyros, recorded for a few seconds with what its file does not know."""
+"""A rigid free-flyer with gyros, recorded for a few seconds with hidden effects."""
 
 from __future__ import annotations
 

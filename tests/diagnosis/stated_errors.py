@@ -1,4 +1,4 @@
-"""Whether a robot file has the errors that its diagnosis states."""
+"""Whether a robot file has the errors stated by its diagnosis."""
 
 from __future__ import annotations
 

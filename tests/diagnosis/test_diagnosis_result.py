@@ -1,4 +1,4 @@
-"""diagnosis.json: the documented keys and types, the same text each time, no number that JSON lacks."""
+"""diagnosis.json: documented keys and types, reproducible text, finite numbers."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_the_file_has_the_documented_keys_and_types() -> None:
     assert data["mismatch"][0]["windows"] == [[3.1, 3.9]]
 
 
-def test_numbers_that_are_not_finite_become_null() -> None:
+def test_non_finite_numbers_become_null() -> None:
     for value in (math.nan, math.inf, -math.inf, np.float64("nan")):
         text = Diagnosis(**{**vars(DIAGNOSIS), "fit": Fit({}, value)}).to_json()
         assert json.loads(text, parse_constant=pytest.fail)["fit"]["validation_improvement"] is None
@@ -117,21 +117,21 @@ def finding(probability: float, *rivals: str) -> Finding:
     return Finding("coulomb_friction", "joint1", probability, {}, ambiguous_with=rivals)
 
 
-def test_summaries_say_what_the_verdict_means() -> None:
+def test_summaries_explain_the_verdict() -> None:
     robot = load_robot("two_link_arm")
     fit = Fit({}, 0.81)
 
-    def said(verdict: str, *findings: Finding) -> str:
+    def message(verdict: str, *findings: Finding) -> str:
         return summary(robot, verdict, (MISMATCH,), findings, fit)  # type: ignore[arg-type]
 
-    assert said("consistent").startswith("The recording agrees with two_link_arm")
-    explained = said("explained", FINDING)
+    assert message("consistent").startswith("The recording agrees with two_link_arm")
+    explained = message("explained", FINDING)
     assert MISMATCH.words in explained
     assert "Stribeck friction at joint2 (97%)" in explained
     assert "falls by 81%" in explained
-    ambiguous = said("ambiguous", finding(0.5, "gravity@base"))
+    ambiguous = message("ambiguous", finding(0.5, "gravity@base"))
     assert "Coulomb friction at joint1 cannot be told apart from gravity@base" in ambiguous
-    assert "no effect of the catalogue explains it" in said("unexplained")
+    assert "no effect of the catalogue explains it" in message("unexplained")
     assert "no effect of the catalogue explains it" not in explained
     assert "has no name" not in explained
     beside = summary(robot, "explained", (MISMATCH,), (FINDING,), fit, (UNNAMED,))

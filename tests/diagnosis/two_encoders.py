@@ -1,4 +1,4 @@
-"""An arm with encoders on both sides of its gears, and a diagnosis of its torques that names nothing."""
+"""An arm with encoders on both sides of its gears, and a torque diagnosis without findings."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def half_open(*mismatch: Mismatch, left: float = 2.0, verdict: str = "unexplaine
     """A diagnosis of torques that names nothing; `left` of the torque's error over its noise."""
     errors = Errors(left, left)
     fit = Fit({"joint1.torque": ChannelFit("N m", errors, errors, 1.0)}, 0.0)
-    told = Diagnosis("arm", ("one",), (), verdict, "", mismatch, (), fit)  # type: ignore[arg-type]
-    return Result(told, (), (), robot_to_toml(arm()))
+    diagnosis = Diagnosis("arm", ("one",), (), verdict, "", mismatch, (), fit)  # type: ignore[arg-type]
+    return Result(diagnosis, (), (), robot_to_toml(arm()))
 
 
 def along_each(robot: Robot, recordings: Sequence[Recording]) -> tuple[MotionDynamics, ...]:

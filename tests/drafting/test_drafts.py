@@ -1,4 +1,4 @@
-"""Drafts of maps and overlays: what they guess reads the log rightly; what nothing tells is a question."""
+"""Drafts of maps and overlays: guesses read the log correctly, and open properties become questions."""
 
 from __future__ import annotations
 
@@ -102,7 +102,9 @@ LOGS: dict[str, Rename] = {
 
 
 @pytest.mark.parametrize("kind", LOGS)
-def test_logs_of_labs_are_read_rightly(tmp_path: Path, arm: Robot, motion: dict[str, Any], kind: str) -> None:
+def test_drafts_of_typical_logs_read_positions_velocities_and_torques(
+    tmp_path: Path, arm: Robot, motion: dict[str, Any], kind: str
+) -> None:
     log = write(tmp_path / "log.csv", LOGS[kind](motion))
     recording = read(draft(arm, log), log)
     np.testing.assert_allclose(recording.time - recording.time[0], T, atol=1e-6)
@@ -113,7 +115,9 @@ def test_logs_of_labs_are_read_rightly(tmp_path: Path, arm: Robot, motion: dict[
             np.testing.assert_allclose(recording[f"{joint.name}.velocity"], motion["v"][:, k], atol=1e-6)
 
 
-def test_columns_of_a_table_are_joints_in_order(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
+def test_columns_of_an_array_are_assigned_to_joints_in_order(
+    tmp_path: Path, arm: Robot, motion: dict[str, Any]
+) -> None:
     log = tmp_path / "log.npz"
     np.savez(log, time=T, dof_pos=motion["q"], des_dof_pos=motion["q"] + 0.01, tau=motion["torque"].T)
     recording = read(draft(arm, log), log)
@@ -123,7 +127,7 @@ def test_columns_of_a_table_are_joints_in_order(tmp_path: Path, arm: Robot, moti
         np.testing.assert_array_equal(recording[f"{joint.name}.torque"], motion["torque"][:, k])
 
 
-def test_currents_tell_the_torque_constant_and_their_direction(
+def test_torque_constant_and_sign_are_estimated_from_currents(
     tmp_path: Path, arm: Robot, motion: dict[str, Any]
 ) -> None:
     noise = np.random.default_rng(0).normal(0.0, 0.02, (T.size, 2))
@@ -144,7 +148,7 @@ def test_currents_tell_the_torque_constant_and_their_direction(
     assert described.joints[1].actuator.torque_constant == pytest.approx(2.5, rel=0.03)
 
 
-def test_a_velocity_tells_the_rate_of_samples_that_are_only_counted(
+def test_sample_rate_is_inferred_from_a_velocity_with_known_unit(
     tmp_path: Path, arm: Robot, motion: dict[str, Any]
 ) -> None:
     columns = {f"q{k + 1}_deg": DEG * motion["q"][:, k] for k in (0, 1)}
@@ -153,7 +157,7 @@ def test_a_velocity_tells_the_rate_of_samples_that_are_only_counted(
     assert found.clock.table["rate"] == pytest.approx(200.0, rel=2e-3)
 
 
-def test_a_velocity_that_lags_is_taken_back(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
+def test_delay_of_a_velocity_is_corrected(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
     late = np.stack([np.interp(T - 0.08, T, motion["v"][:, k]) for k in (0, 1)], axis=1)
     columns = {"time": T} | {f"q{k + 1}": motion["q"][:, k] for k in (0, 1)}
     columns |= {f"dq{k + 1}": late[:, k] for k in (0, 1)}
@@ -164,15 +168,15 @@ def test_a_velocity_that_lags_is_taken_back(tmp_path: Path, arm: Robot, motion: 
     assert np.abs(velocity - motion["v"][there, 0])[20:].max() < 0.05
 
 
-def test_work_that_may_come_back_tells_no_direction(tmp_path: Path, arm: Robot) -> None:
-    """A single stroke against a spring looks like a torque that runs against the motion."""
+def test_sign_of_a_torque_is_not_inferred_from_stored_energy(tmp_path: Path, arm: Robot) -> None:
+    """A single stroke against a spring looks like a torque of opposite sign."""
     stroke = np.stack([0.3 * np.sin(T / 13.0), 0.2 * np.sin(T / 13.0)], axis=1)
     columns = {"time": T} | {f"q{k + 1}": stroke[:, k] for k in (0, 1)}
     log = write(tmp_path / "log.csv", columns | {f"tau{k + 1}": -stroke[:, k] for k in (0, 1)})
-    assert "takes" not in draft(arm, log).map
+    assert "reversed: " not in draft(arm, log).map
 
 
-def test_what_nothing_tells_is_asked(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
+def test_undetermined_properties_become_questions(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
     slow = 1e-3 * motion["torque"][::1] * 0 + np.random.default_rng(1).normal(size=(T.size, 2))
     columns = {f"q{k + 1}": motion["q"][:, k] for k in (0, 1)} | {f"i{k + 1}": slow[:, k] for k in (0, 1)}
     found = draft(arm, write(tmp_path / "log.csv", columns))
@@ -185,18 +189,18 @@ def test_what_nothing_tells_is_asked(tmp_path: Path, arm: Robot, motion: dict[st
 
 
 @pytest.mark.parametrize(
-    ("columns", "said"),
+    ("columns", "expected"),
     [
-        ({"a": T, "b": T}, "has no column whose name says which quantity of which joint it holds (it has"),
+        ({"a": T, "b": T}, "has no column whose name contains a quantity of a joint (it has"),
         ({"time": T[:20], "q1": T[:20]}, "has no column of at least 50 numbers"),
     ],
 )
-def test_logs_that_say_nothing_are_one_sentence(
-    tmp_path: Path, arm: Robot, columns: dict[str, Any], said: str
+def test_logs_without_joint_quantities_are_rejected(
+    tmp_path: Path, arm: Robot, columns: dict[str, Any], expected: str
 ) -> None:
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError) as error:
         draft(arm, write(tmp_path / "log.csv", columns))
-    assert said in str(refused.value)
+    assert expected in str(error.value)
 
 
 words = st.sampled_from(
@@ -209,7 +213,7 @@ words = st.sampled_from(
     st.integers(0, 9),
 )
 @settings(max_examples=40)
-def test_any_names_give_a_map_or_one_sentence(
+def test_any_column_names_give_a_valid_map_or_a_one_line_error(
     tmp_path: Path, arm: Robot, names: list[str], seed: int
 ) -> None:
     chance = np.random.default_rng(seed)
@@ -220,8 +224,8 @@ def test_any_names_give_a_map_or_one_sentence(
     path.write_text(json.dumps({name: values.tolist() for name, values in data.items()}))
     try:
         found = draft(arm, path)
-    except InputError as refused:
-        sentence = str(refused)
+    except InputError as error:
+        sentence = str(error)
     else:
         assert mapping_from_toml(found.map).channels
         return
@@ -235,7 +239,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     return int(end.value.code or 0)
 
 
-def test_the_command_writes_both_files_once(
+def test_init_writes_map_and_overlay_and_does_not_overwrite_them(
     tmp_path: Path,
     motion: dict[str, Any],
     monkeypatch: pytest.MonkeyPatch,
@@ -245,8 +249,8 @@ def test_the_command_writes_both_files_once(
     columns = {"time": T} | {f"q{k + 1}": motion["q"][:, k] for k in (0, 1)}
     log = write(tmp_path / "run1.csv", columns)
     assert run(monkeypatch, "init", "two_link_arm", log) == 0
-    said = capsys.readouterr().out
-    assert "Next: missing-physics inspect" in said
+    output = capsys.readouterr().out
+    assert "Next: missing-physics inspect" in output
     assert {path.name for path in tmp_path.iterdir()} == {
         "run1.csv",
         "run1.map.toml",
@@ -258,10 +262,10 @@ def test_the_command_writes_both_files_once(
     assert run(monkeypatch, "inspect", log, "--quiet") == 0
 
 
-def test_columns_named_by_motors_of_a_transmission(
+def test_columns_are_assigned_to_motors_and_joints_of_a_transmission_by_name(
     arm: Robot, motion: dict[str, Any], tmp_path: Path
 ) -> None:
-    """They are the motors'; a joint behind them takes what is named after it, and no number."""
+    """Columns named after a motor or a joint belong to it."""
     wrist = {
         "name": "wrist",
         "joints": ("joint1", "joint2"),

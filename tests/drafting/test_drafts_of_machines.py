@@ -1,4 +1,4 @@
-"""Drafts for logs of real machines against the maps that people wrote for them."""
+"""Drafts for logs of real machines, compared with manual maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot file leaves of a recording: nothing of the robot that made it, else what is missing."""
+"""Residuals of a robot file on a recording: none for the true robot, else those of the missing physics."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ EFFECTS = [
 
 
 @pytest.mark.parametrize("use", EFFECTS, ids=lambda use: f"{use.effect}@{use.at}")
-def test_the_robot_that_made_a_recording_leaves_nothing_of_it(use: EffectUse) -> None:
+def test_true_robot_leaves_no_residual(use: EffectUse) -> None:
     real = ARM.with_effects(use)
     recording = simulate(real, seed=0)
     left, nominal = (left_by(robot, recording) for robot in (real, ARM))
@@ -69,7 +69,7 @@ def test_the_robot_that_made_a_recording_leaves_nothing_of_it(use: EffectUse) ->
 
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "stribeck_friction", "lugre_friction"])
-def test_dry_friction_is_left_out_but_at_reversals(effect: str) -> None:
+def test_samples_with_uncertain_dry_friction_are_excluded_only_at_reversals(effect: str) -> None:
     """Where the encoder does not tell the sign of a velocity no more than a part of the law shows."""
     numbers = {
         "coulomb_friction": {"torque": 3.0},
@@ -88,7 +88,7 @@ def test_dry_friction_is_left_out_but_at_reversals(effect: str) -> None:
     assert left < 0.1 * nominal
 
 
-def test_friction_that_grows_with_load_sees_the_loads_of_the_robot_with_its_payload() -> None:
+def test_load_dependent_friction_uses_the_loads_including_the_payload() -> None:
     robot = shortened("flexible_space_robot_planar")
     sensors = tuple(s for s in robot.sensors if not s.channel.startswith("link2"))
     links = tuple(_rigid(link) for link in robot.links)
@@ -113,7 +113,7 @@ def _rigid(link: Link) -> Link:
     return link.model_copy(update=solid)
 
 
-def test_a_free_base_turns_as_its_gyro_says_whatever_its_bias() -> None:
+def test_attitude_of_a_free_base_follows_the_gyro_for_any_bias() -> None:
     robot = shortened("six_joint_space_arm", duration=2.0)
     made = simulate(robot, seed=0)
     biased = made.with_channels({"base.angular_velocity.x": made["base.angular_velocity.x"] + 0.1})
@@ -126,7 +126,7 @@ def test_a_free_base_turns_as_its_gyro_says_whatever_its_bias() -> None:
     assert wrong["base.angular_velocity.z"] > 0.01 * recorded["base.angular_velocity.z"]
 
 
-def test_a_wrong_mass_leaves_what_it_weighs_and_what_its_acceleration_takes() -> None:
+def test_wrong_mass_leaves_its_weight_and_inertial_force() -> None:
     axis = shortened("single_axis")
     made = simulate(axis, sensors=False)
     heavier = axis.links[0].model_copy(update={"mass": axis.links[0].mass + 2.0})
@@ -146,7 +146,7 @@ def test_a_wrong_mass_leaves_what_it_weighs_and_what_its_acceleration_takes() ->
     assert found.units == ("N",)
 
 
-def test_torque_comes_from_a_current_or_a_voltage_as_well() -> None:
+def test_torque_is_computed_from_a_current_or_a_voltage() -> None:
     motors = tuple(
         joint.model_copy(
             update={
@@ -171,7 +171,7 @@ def test_torque_comes_from_a_current_or_a_voltage_as_well() -> None:
         assert left["joint1.torque"] < 1e-3 * np.sqrt(np.mean(made["joint1.torque"] ** 2))
 
 
-def test_a_motor_that_moves_by_itself_accelerates_its_rotor() -> None:
+def test_rotor_accelerates_as_measured_by_the_motor_encoder() -> None:
     robot = shortened("two_link_arm")
     rotors = tuple(
         joint.model_copy(
@@ -192,7 +192,7 @@ def test_a_motor_that_moves_by_itself_accelerates_its_rotor() -> None:
     assert found < 1e-3 * np.sqrt(np.mean(made["joint2.torque"] ** 2))
 
 
-def test_the_longest_stretch_without_a_gap_is_evaluated() -> None:
+def test_longest_part_without_a_gap_is_evaluated() -> None:
     made = simulate(ARM, seed=0)
     torque = made["joint1.torque"].copy()
     torque[400:500] = np.nan
@@ -202,7 +202,7 @@ def test_the_longest_stretch_without_a_gap_is_evaluated() -> None:
     assert found.rms()["joint1.torque"] < 1e-3 * np.sqrt(np.nanmean(torque**2))
 
 
-def test_positions_at_uneven_instants_are_resampled() -> None:
+def test_unevenly_sampled_positions_are_resampled() -> None:
     made = simulate(ARM, seed=0)
     chosen = np.sort(np.random.default_rng(3).choice(len(made), size=int(0.9 * len(made)), replace=False))
     thinned = Recording(made.time[chosen], {name: made[name][chosen] for name in made}, "thinned")
@@ -210,13 +210,13 @@ def test_positions_at_uneven_instants_are_resampled() -> None:
     assert found < 1e-2 * np.sqrt(np.mean(made["joint1.torque"] ** 2))
 
 
-def test_a_torque_that_nothing_tells_is_not_compared() -> None:
+def test_unknown_torque_is_not_compared() -> None:
     made = simulate(ARM, seed=0)
     without = Recording(made.time, {n: made[n] for n in made if n != "joint2.torque"}, "without")
     assert set(evaluate(ARM, without, BAND).rms()) == {"joint1.torque"}
 
 
-def test_a_joint_whose_position_is_not_recorded_is_named() -> None:
+def test_joint_without_recorded_position_is_reported() -> None:
     made = simulate(ARM, seed=0)
     blind = replace(made, channels={n: made[n] for n in made if n != "joint2.position"}, source="blind.csv")
     with pytest.raises(InputError, match=r"blind.csv has neither joint2.position nor joint2.motor_position"):

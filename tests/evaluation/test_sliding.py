@@ -1,4 +1,4 @@
-"""Where a joint slides: away from reversals by as much as a filter rounds them, whatever the units."""
+"""Detection of sliding: away from reversals by the width of the filter, independent of units."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sticking() -> NDArray[np.float64]:
     return np.where(TIME < 2.0, np.maximum(2.0 - TIME, 0.0), -np.maximum(TIME - 2.25, 0.0))
 
 
-def test_the_smoothed_velocity_is_right_wherever_it_slides() -> None:
+def test_smoothed_velocity_has_the_right_sign_during_sliding() -> None:
     """Within a thousandth of the bend, slope times memory: the ripples of the filter behind it."""
     true = sticking()
     inside = known(true) & (TIME > 0.5) & (TIME < 3.5)
@@ -39,18 +39,18 @@ def test_the_smoothed_velocity_is_right_wherever_it_slides() -> None:
     assert wrong[inside].max() < 0.02 * MEMORY
 
 
-def test_no_more_is_left_out_than_the_rest_and_what_the_filter_rounds_on_either_side() -> None:
+def test_only_rest_and_the_filter_transients_around_it_are_excluded() -> None:
     inside = known(sticking())
     left_out = STEP * np.count_nonzero(~inside[(TIME > 1.0) & (TIME < 3.5)])
     assert 0.25 < left_out < 0.25 + 4.0 * MEMORY
 
 
-def test_a_joint_that_turns_back_smoothly_loses_less_than_one_that_stops() -> None:
+def test_smooth_reversal_excludes_fewer_samples_than_a_stop() -> None:
     smooth, bent = np.cos(TIME), np.cos(TIME) * np.where(np.cos(TIME) > 0.0, 1.0, 4.0)
     assert np.count_nonzero(~known(smooth)) < 0.5 * np.count_nonzero(~known(bent))
 
 
-def test_noise_of_a_velocity_is_no_bend() -> None:
+def test_velocity_noise_is_not_detected_as_a_reversal() -> None:
     """White noise below the filter's end leaves out what three of its deviations do, and a fifth more."""
     noise = 0.01
     white = np.random.default_rng(1).standard_normal(TIME.size)
@@ -61,7 +61,7 @@ def test_noise_of_a_velocity_is_no_bend() -> None:
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
-def test_the_unit_does_not_matter(unit: float) -> None:
+def test_sliding_does_not_depend_on_the_unit(unit: float) -> None:
     velocity, acceleration = smoothed(sticking())
     noise = np.array([1e-4])
     one, other = (
@@ -71,7 +71,7 @@ def test_the_unit_does_not_matter(unit: float) -> None:
     assert np.array_equal(one, other)
 
 
-def test_friction_turns_from_one_side_to_the_other_while_its_direction_is_not_known() -> None:
+def test_friction_changes_sign_gradually_while_its_direction_is_unknown() -> None:
     velocity = smoothed(sticking())[0]
     inside = known(sticking())[:, None]
     found = directions(velocity, inside)
@@ -81,7 +81,7 @@ def test_friction_turns_from_one_side_to_the_other_while_its_direction_is_not_kn
     assert np.array_equal(never, np.sign(velocity))
 
 
-def test_samples_near_rest_count_by_how_much_dry_friction_leaves_them_determined() -> None:
+def test_samples_near_rest_are_weighted_by_the_uncertainty_of_dry_friction() -> None:
     """The error that friction within its level leaves there is then half of the noise at most."""
     noise, dry = np.array([0.1, 0.1, 0.0]), np.array([0.0, 10.0, 0.0])
     rest = determined(noise, dry)

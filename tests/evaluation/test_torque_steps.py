@@ -1,4 +1,4 @@
-"""What sampling and rounding leave unknown of a torque, against errors that are made and filtered here."""
+"""Torque uncertainty due to sampling and rounding, against simulated and filtered errors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from missing_physics.evaluation.band import low_passed
-from missing_physics.evaluation.steps import steps_left, unsteadiness
+from missing_physics.evaluation.steps import mean_rounding_error, unsteadiness
 
 RATE, CUTOFF, SMOOTHING = 200.0, 5.0, 25.0
 TIME = np.arange(0.0, 20.0, 1.0 / RATE)
@@ -26,12 +26,12 @@ def in_band(error: Array) -> Array:
     return low_passed(error, rate=RATE, cutoff=CUTOFF)
 
 
-def test_a_smooth_torque_that_is_not_rounded_leaves_nothing_unknown() -> None:
+def test_smooth_unrounded_torque_has_no_interpolation_uncertainty() -> None:
     """A sample changes by at most 2 pi f / RATE of the amplitude beyond a straight line: 1e-4 at 1 Hz."""
     assert unsteady(np.sin(2.0 * np.pi * TIME)).max() < 1e-4
 
 
-def test_white_noise_is_no_jump() -> None:
+def test_white_noise_is_not_detected_as_a_torque_step() -> None:
     """Of the noise in the band, root of 2 CUTOFF / RATE, not more than three tenths are added, as squares."""
     noise = np.random.default_rng(1).normal(size=TIME.size)
     added = float(np.sqrt(np.mean(unsteady(noise, noise=1.0) ** 2)))
@@ -55,7 +55,7 @@ def test_a_jump_between_samples_is_as_uncertain_as_its_instant() -> None:
 
 
 @pytest.mark.parametrize(("travel", "largest"), [(0.01, 1.2), (0.2, 2.5), (20.0, 4.0)])
-def test_rounding_errors_in_the_band_are_foreseen(travel: float, largest: float) -> None:
+def test_rounding_errors_in_the_band_are_predicted(travel: float, largest: float) -> None:
     """Never smaller than they are by more than a fifth, over offsets at random, and not much larger.
 
     Args:
@@ -73,17 +73,17 @@ def test_rounding_errors_in_the_band_are_foreseen(travel: float, largest: float)
     assert 0.8 < ratio < largest
 
 
-def test_noise_takes_steps_away() -> None:
-    assert steps_left(0.0, STEP) == pytest.approx(STEP / np.sqrt(12.0))
-    assert steps_left(STEP, STEP) < 1e-8 * STEP
-    assert steps_left(0.0, 0.0) == 0.0
+def test_noise_masks_rounding_steps() -> None:
+    assert mean_rounding_error(0.0, STEP) == pytest.approx(STEP / np.sqrt(12.0))
+    assert mean_rounding_error(STEP, STEP) < 1e-8 * STEP
+    assert mean_rounding_error(0.0, 0.0) == 0.0
     fine = np.linspace(0.0, STEP, 400, endpoint=False)
     noise = 0.3 * STEP * np.random.default_rng(4).normal(size=(20000, 1))
     mean = np.mean(STEP * np.round((fine + noise) / STEP), axis=0) - fine
     # Twenty thousand samples leave a hundred and fortieth of the noise in a mean.
-    assert steps_left(0.3 * STEP, STEP) == pytest.approx(float(np.std(mean)), rel=0.15)
+    assert mean_rounding_error(0.3 * STEP, STEP) == pytest.approx(float(np.std(mean)), rel=0.15)
 
 
-def test_a_torque_that_is_not_known_has_a_finite_uncertainty() -> None:
+def test_unknown_torque_has_a_finite_uncertainty() -> None:
     torque = np.full(TIME.size, np.nan)
     assert np.isfinite(unsteady(torque, step=STEP)).all()

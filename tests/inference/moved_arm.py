@@ -1,4 +1,4 @@
-"""An arm and a pendulum that move by their equation of motion, friction included."""
+"""An arm and a pendulum simulated by their equation of motion including friction."""
 
 from __future__ import annotations
 

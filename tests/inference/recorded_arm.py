@@ -1,4 +1,4 @@
-"""Recordings of an arm of one joint of which everything is known."""
+"""Recordings of a one-joint arm with known parameters."""
 
 from __future__ import annotations
 

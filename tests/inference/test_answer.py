@@ -1,4 +1,4 @@
-"""What a diagnosis by weighed hypotheses states, of recordings of which everything is known."""
+"""Answers of a diagnosis for recordings with known parameters."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def thinning(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np
     return 0.5 * np.arctan(2.0 * velocity)
 
 
-def test_an_offset_below_friction_may_be_its_difference_between_directions(arm: Robot) -> None:
+def test_offset_smaller_than_friction_is_ambiguous_with_asymmetric_friction(arm: Robot) -> None:
     """Friction of 0.7 and 0.3 N m is one of 0.5 with an offset of 0.2: both names are stated."""
     result, _ = diagnosed(with_friction(arm), lambda time, position, velocity: np.full_like(time, 0.2))
     (finding,) = result.diagnosis.findings
@@ -50,17 +50,17 @@ def test_an_offset_below_friction_may_be_its_difference_between_directions(arm: 
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.95])  # files are good to some percent
-def test_a_file_that_is_right_to_some_percent_is_not_contradicted(arm: Robot, factor: float) -> None:
+def test_robot_file_with_errors_of_a_few_percent_is_consistent(arm: Robot, factor: float) -> None:
     result, _ = diagnosed(with_friction(arm, factor), nothing)
     assert result.diagnosis.findings == ()
 
 
-def test_nothing_beyond_noise_is_consistent(arm: Robot) -> None:
+def test_recording_explained_up_to_noise_is_consistent(arm: Robot) -> None:
     result, _ = diagnosed(with_friction(arm), nothing)
     assert result.diagnosis.verdict == "consistent"
 
 
-def test_friction_that_a_file_lacks_is_named_with_its_size(arm: Robot) -> None:
+def test_friction_missing_in_the_robot_file_is_named_with_its_size(arm: Robot) -> None:
     result, _ = diagnosed(arm, nothing)
     found = {f.effect: f for f in result.diagnosis.findings}
     assert set(found) == {"viscous_friction", "coulomb_friction"}
@@ -77,20 +77,22 @@ def test_friction_that_a_file_lacks_is_named_with_its_size(arm: Robot) -> None:
 @pytest.mark.parametrize(
     ("hidden", "effect"), [(spring, "cable_spring"), (asymmetric, "asymmetric_friction")]
 )
-def test_one_effect_beside_a_right_file_is_all_that_is_named(arm: Robot, hidden: Hidden, effect: str) -> None:
+def test_with_a_correct_robot_file_only_the_hidden_effect_is_named(
+    arm: Robot, hidden: Hidden, effect: str
+) -> None:
     result, _ = diagnosed(with_friction(arm), hidden)
-    told = result.diagnosis
-    assert [f.effect for f in told.findings] == [effect]
-    assert told.verdict == "explained"
-    assert [m.location for m in told.mismatch] == ["joint"]
-    assert told.fit.validation_improvement > 0.8
+    diagnosis = result.diagnosis
+    assert [f.effect for f in diagnosis.findings] == [effect]
+    assert diagnosis.verdict == "explained"
+    assert [m.location for m in diagnosis.mismatch] == ["joint"]
+    assert diagnosis.fit.validation_improvement > 0.8
 
 
-def test_the_robot_file_leaves_what_is_stated(arm: Robot) -> None:
+def test_residual_of_the_robot_file_equals_the_stated_one(arm: Robot) -> None:
     result, runs = diagnosed(with_friction(arm), spring)
-    written, told = robot_from_toml(result.augmented_robot_toml), result.diagnosis
-    channel = told.fit.channels["joint.torque"]
-    made = evaluate(written, runs[1], told.fit.bands[1])
+    written, diagnosis = robot_from_toml(result.augmented_robot_toml), result.diagnosis
+    channel = diagnosis.fit.channels["joint.torque"]
+    made = evaluate(written, runs[1], diagnosis.fit.bands[1])
     (rows,) = [s for s in result.series if s.role == "validation"]
     left = made.at(rows.time, "joint.torque")[rows.counted]
     # Recordings are compared with the small delay of the torque taken out, which is a tenth of a sample here.
@@ -99,23 +101,23 @@ def test_the_robot_file_leaves_what_is_stated(arm: Robot) -> None:
     assert channel.after.validation_rms < 0.5 * channel.standard.validation_rms
 
 
-def test_a_force_of_no_known_effect_stays_without_a_name(arm: Robot) -> None:
+def test_unknown_force_is_reported_without_a_name(arm: Robot) -> None:
     result, _ = diagnosed(with_friction(arm), thinning)
-    told = result.diagnosis
-    assert told.findings == ()
-    (force,) = told.unnamed
+    diagnosis = result.diagnosis
+    assert diagnosis.findings == ()
+    (force,) = diagnosis.unnamed
     assert force.depends_on == ("joint.velocity",)
     assert force.share > 0.8
-    assert told.verdict == "unexplained"
+    assert diagnosis.verdict == "unexplained"
 
 
-def test_friction_that_falls_with_time_is_described_without_a_name(arm: Robot) -> None:
+def test_friction_that_decreases_with_time_is_described_without_a_name(arm: Robot) -> None:
     def warming(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         return 0.4 * np.exp(-time / 6.0) * np.sign(velocity)
 
-    told = diagnosed(with_friction(arm), warming)[0].diagnosis
-    assert told.findings == ()
-    (force,) = told.unnamed
+    diagnosis = diagnosed(with_friction(arm), warming)[0].diagnosis
+    assert diagnosis.findings == ()
+    (force,) = diagnosis.unnamed
     (curve,), (knots,) = force.curves, force.knots
     assert (force.depends_on, curve.carrier) == (("time",), "direction")
     assert force.share > 0.8
@@ -123,11 +125,11 @@ def test_friction_that_falls_with_time_is_described_without_a_name(arm: Robot) -
     early, late = (np.interp(t, knots, curve.torque) for t in (1.0, 20.0))
     # of a polynomial of the fourth degree
     assert early - late == pytest.approx(0.4 * (np.exp(-1.0 / 6.0) - np.exp(-20.0 / 6.0)), rel=0.1)
-    assert told.verdict == "unexplained"
+    assert diagnosis.verdict == "unexplained"
     assert drawn(force, arm).across == "time [s]"
 
 
-def test_a_force_that_held_out_data_contradict_is_not_stated(arm: Robot) -> None:
+def test_force_contradicted_by_held_out_data_is_not_reported(arm: Robot) -> None:
     def bump(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         return 0.8 * np.exp(-8.0 * (position - 0.3) ** 2)
 
@@ -155,16 +157,16 @@ def test_the_same_recordings_give_the_same_file(arm: Robot) -> None:
     assert first == second
 
 
-def test_a_joint_that_the_file_predicts_better_keeps_the_numbers_of_the_file(arm: Robot) -> None:
+def test_joint_predicted_better_by_the_robot_file_keeps_its_parameters(arm: Robot) -> None:
     """A spring of the fitted recording alone, beside bodies that are known."""
     robot = with_friction(arm)
     runs = recorded(spring, seed=1), recorded(nothing, seed=2)
     data = TorqueData.of(fit_standard(robot, runs[:1]), runs[:1], runs[1:])
     bodies = data.layout.bodies[0]
-    known = Hypothesis().holding(dict(zip(data.layout.names[bodies], data.filed[bodies])))
+    known = Hypothesis().holding(dict(zip(data.layout.names[bodies], data.file_values[bodies])))
     start = Term.of(get_effect("cable_spring"), "joint", {"stiffness": 0.0, "torque_at_zero": 0.0})
     standard, answer = fitted(data, known), fitted(data, replace(known, terms=(start,)))
-    unseen, least = ~data.seen, np.hypot(data.noise[0], data.error[0])
+    unseen, least = ~data.fitted_blocks, np.hypot(data.noise[0], data.error[0])
 
     def left(fit: Fit) -> float:
         return float(np.sqrt(fit.errors[unseen].sum() / data.counts[unseen].sum()))

@@ -43,7 +43,9 @@ def terms(arm: Robot) -> list[Term]:
 
 
 @pytest.mark.parametrize("run", [0, 1])
-def test_columns_made_together_are_those_of_each(data: TorqueData, terms: list[Term], run: int) -> None:
+def test_columns_of_all_terms_computed_together_equal_those_computed_one_by_one(
+    data: TorqueData, terms: list[Term], run: int
+) -> None:
     data.terms.prepare(terms, run)
     counted = data.runs[run].rows.counted[:, :, None]
     for term in terms:
@@ -52,7 +54,7 @@ def test_columns_made_together_are_those_of_each(data: TorqueData, terms: list[T
 
 
 @pytest.mark.parametrize("run", [0, 1])
-def test_torques_without_derivatives_are_the_first_columns(
+def test_torques_alone_equal_the_first_columns_of_the_derivatives(
     data: TorqueData, terms: list[Term], run: int
 ) -> None:
     quickly = data.terms.contributed(terms, run)
@@ -61,7 +63,7 @@ def test_torques_without_derivatives_are_the_first_columns(
     assert quickly == pytest.approx(whole, rel=1e-9, abs=1e-12)
 
 
-def test_linear_parameters_change_the_first_column_only(data: TorqueData, terms: list[Term]) -> None:
+def test_linear_parameters_scale_the_first_column_only(data: TorqueData, terms: list[Term]) -> None:
     (spring,) = [term for term in terms if term.effect.id == "cable_spring"]
     before, after = (data.columns(one, 0) for one in (spring, spring.moved({"stiffness": 3.0})))
     assert after[:, :, 1:] == pytest.approx(before[:, :, 1:])
@@ -74,7 +76,7 @@ def test_linear_parameters_change_the_first_column_only(data: TorqueData, terms:
 
 
 @pytest.mark.parametrize("gain", [0.13, -0.1])
-def test_a_gain_is_that_of_the_torque_that_makes_up_for_it(data: TorqueData, gain: float) -> None:
+def test_torque_gain_is_relative_to_the_commanded_torque(data: TorqueData, gain: float) -> None:
     """The motion needs (1 + gain) u, so that u lacks gain / (1 + gain) of it."""
     run = data.runs[0]
     term = Term.of(get_effect("torque_gain"), "joint", {"gain_error": gain})
@@ -84,7 +86,7 @@ def test_a_gain_is_that_of_the_torque_that_makes_up_for_it(data: TorqueData, gai
     assert found[:, 1] == pytest.approx(-needed / (1.0 + gain) ** 2, rel=1e-5, abs=1e-9)
 
 
-def test_a_gear_takes_its_share_of_the_torque_that_makes_up_for_it(data: TorqueData) -> None:
+def test_gear_share_of_friction_is_relative_to_the_torque_that_overcomes_it(data: TorqueData) -> None:
     """u = needed + share |u| sgn(v): more than the share of what is needed if driving, less if braking."""
     run, share = data.runs[0], 0.3
     term = Term.of(get_effect("load_dependent_friction"), "joint", {"coefficient": 0.0, "gear_share": share})

@@ -1,4 +1,4 @@
-"""Walls that a link runs against, found from the torques of the joints."""
+"""Contacts of a link with a wall, found from the joint torques."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def swinging() -> tuple[RobotModel, tuple[np.ndarray, ...], BaseMotion]:
     return model, (time, position, velocity), base
 
 
-def test_a_body_moves_as_its_rates_say(
+def test_body_positions_are_consistent_with_body_velocities(
     swinging: tuple[RobotModel, tuple[np.ndarray, ...], BaseMotion],
 ) -> None:
     model, (time, position, velocity), base = swinging
@@ -76,7 +76,7 @@ def test_a_body_moves_as_its_rates_say(
     assert rates == pytest.approx(motion.velocity[1:-1, 3:], abs=2e-4)
 
 
-def test_a_wrench_on_a_body_gives_the_power_of_its_forces_on_the_rows(
+def test_generalised_forces_of_a_wrench_have_the_power_of_the_wrench(
     swinging: tuple[RobotModel, tuple[np.ndarray, ...], BaseMotion],
 ) -> None:
     model, (time, position, velocity), base = swinging
@@ -87,7 +87,7 @@ def test_a_wrench_on_a_body_gives_the_power_of_its_forces_on_the_rows(
     assert power == pytest.approx(np.sum(wrench * motion.velocity, axis=1), rel=1e-11, abs=1e-12)
 
 
-def test_columns_are_what_a_wall_changes_in_the_torques(robot: Robot, touching: Recording) -> None:
+def test_contact_columns_equal_the_change_of_torque_in_simulation(robot: Robot, touching: Recording) -> None:
     data = TorqueData.of(fit_standard(robot, [touching]), [touching], [touching])
     run, effect = data.runs[0], get_effect("contact")
     found = columns_of(Term.of(effect, "link2", WALL), run, 0)
@@ -99,7 +99,7 @@ def test_columns_are_what_a_wall_changes_in_the_torques(robot: Robot, touching: 
     assert np.sqrt(np.mean(left**2)) < 0.05 * np.sqrt(np.mean(gap**2))
 
 
-def test_a_wall_begins_where_the_point_meets_it() -> None:
+def test_wall_position_is_the_position_of_first_contact() -> None:
     random = np.random.default_rng(5)
     count, normal, point, offset = 900, np.array([0.0, 1.0, 0.0]), np.array([0.3, 0.0, 0.1]), -0.1
     time = np.linspace(0.0, 20.0, count)
@@ -123,12 +123,12 @@ def test_a_wall_begins_where_the_point_meets_it() -> None:
 
 
 @pytest.mark.parametrize(("shares", "once"), [([0.2, 0.3, 0.5], False), ([0.1, 0.3, 0.6], True)])
-def test_one_fold_determines_what_the_others_know_less_of(shares: list[float], once: bool) -> None:
+def test_parameters_determined_by_one_fold_only_are_detected(shares: list[float], once: bool) -> None:
     information = np.array(shares)[:, None] * np.array([1.0, 1e6])
     assert of_one_fold(information).any() == once
 
 
-def test_a_wall_that_is_hit_is_named_with_its_place(robot: Robot, touching: Recording) -> None:
+def test_contact_with_a_wall_is_named_with_its_position(robot: Robot, touching: Recording) -> None:
     result = diagnose(robot, [touching], options=Options(experiments=False))
     (finding,) = result.diagnosis.findings
     assert (finding.effect, finding.location, finding.ambiguous_with) == ("contact", "link2", ())
@@ -138,7 +138,7 @@ def test_a_wall_that_is_hit_is_named_with_its_place(robot: Robot, touching: Reco
     assert finding.parameters["x"].value == pytest.approx(WALL["x"], abs=5e-3)
 
 
-def test_slopes_of_a_wrench_are_its_differences(robot: Robot, touching: Recording) -> None:
+def test_derivatives_of_a_contact_wrench_equal_finite_differences(robot: Robot, touching: Recording) -> None:
     run = TorqueData.of(fit_standard(robot, [touching]), [touching], [touching]).runs[0]
     along, (signals, _) = ForceAlong(get_effect("contact"), robot), run.body("link2")
     slopes = along.slopes(signals, WALL, ["stiffness", "offset", "x"])
@@ -150,6 +150,6 @@ def test_slopes_of_a_wrench_are_its_differences(robot: Robot, touching: Recordin
         assert slope == pytest.approx(found, rel=1e-3, abs=1e-3 * float(np.abs(found).max()))
 
 
-def test_a_wall_of_the_robot_file_is_nothing_that_is_missing(robot: Robot, touching: Recording) -> None:
+def test_wall_in_the_robot_file_is_not_a_finding(robot: Robot, touching: Recording) -> None:
     result = diagnose(with_wall(robot), [touching], options=Options(experiments=False))
     assert (result.diagnosis.verdict, result.diagnosis.findings) == ("consistent", ())

@@ -1,4 +1,4 @@
-"""A wrist whose two motors move both joints: what is missing is named at the motor or joint where it sits."""
+"""A wrist whose two motors move both joints: effects are named at the motor or joint where they act."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def recorded(robot: Robot, at: str, law: str, size: float, *, seed: int) -> Reco
         ("roll", "coulomb", 0.3, "coulomb_friction", "torque"),
     ],
 )
-def test_friction_is_named_where_it_sits(
+def test_friction_is_named_on_the_side_of_the_transmission_where_it_acts(
     wrist: Robot, at: str, law: str, size: float, effect: str, parameter: str
 ) -> None:
     found = missing_physics.diagnose(wrist, recorded(wrist, at, law, size, seed=1))
@@ -101,7 +101,7 @@ def test_friction_is_named_where_it_sits(
     assert set(found.result.diagnosis.fit.channels) == {"swing.torque", "twist.torque"}
 
 
-def test_the_standard_model_has_friction_at_the_motors(wrist: Robot) -> None:
+def test_standard_model_of_a_transmission_has_friction_at_the_motors(wrist: Robot) -> None:
     standard = fit_standard(wrist, [recorded(wrist, "twist", "viscous", 0.3, seed=2)])
     value, deviation = standard.estimate.value("twist.viscous")
     assert value == pytest.approx(0.3, abs=0.01)
@@ -127,7 +127,7 @@ def test_each_side_of_a_transmission_follows_from_the_other(wrist: Robot) -> Non
     np.testing.assert_allclose(*power, atol=1e-12)
 
 
-def test_the_dynamics_of_the_drives_are_those_of_the_joints(wrist: Robot) -> None:
+def test_dynamics_of_the_drives_are_equivalent_to_those_of_the_joints(wrist: Robot) -> None:
     rng = np.random.default_rng(4)
     m, md, mdd = rng.normal(size=(3, 6, 2))
     drives, joints = drive_model(wrist), RobotModel(wrist)
@@ -167,7 +167,7 @@ BENDING = Beam(
         ),
     ],
 )
-def test_what_cannot_be_taken_for_given_is_refused_in_a_sentence(
+def test_unsupported_coupled_robots_are_rejected_with_one_sentence(
     wrist: Robot, law: dict[str, Any], words: str
 ) -> None:
     recording = recorded(wrist, "twist", "viscous", 0.3, seed=5)
@@ -175,14 +175,16 @@ def test_what_cannot_be_taken_for_given_is_refused_in_a_sentence(
         diagnose(wrist.with_effects(EffectUse(**law)), [recording])
 
 
-def test_stribeck_friction_of_a_motor_is_taken_from_the_file(wrist: Robot) -> None:
+def test_stribeck_friction_of_a_motor_is_read_from_the_robot_file(wrist: Robot) -> None:
     motor = EffectUse(effect="stribeck_friction", at="swing", **LEVELS)
-    told = diagnose(wrist.with_effects(motor), [recorded(wrist, "swing", "stribeck", 1.0, seed=6)]).diagnosis
-    assert told.findings == ()
-    assert not [change for change in told.nominal_parameters if "@" in change.name]
+    diagnosis = diagnose(
+        wrist.with_effects(motor), [recorded(wrist, "swing", "stribeck", 1.0, seed=6)]
+    ).diagnosis
+    assert diagnosis.findings == ()
+    assert not [change for change in diagnosis.nominal_parameters if "@" in change.name]
 
 
-def test_what_a_coupled_robot_lacks_is_said_in_a_sentence(wrist: Robot) -> None:
+def test_missing_channels_of_a_coupled_robot_are_reported_in_one_sentence(wrist: Robot) -> None:
     recording = recorded(wrist, "twist", "viscous", 0.3, seed=5)
     bent = wrist.links[1].model_copy(update={"beam": BENDING})
     with pytest.raises(InputError, match="link 'hand' bends; leave out its 'beam' and give its whole mass"):

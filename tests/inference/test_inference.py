@@ -1,4 +1,4 @@
-"""What the inference core finds in recordings of which everything is known."""
+"""The search on recordings with known parameters."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def linear(effect: str) -> Term:
         (wave, "torque_ripple", {"order": 7.0, "cosine": -0.3, "sine": 0.2}),
     ],
 )
-def test_a_hidden_effect_is_named_with_its_numbers(
+def test_hidden_effect_is_named_with_its_parameters(
     arm: Robot, hidden: Hidden, effect: str, numbers: dict[str, float]
 ) -> None:
     known = weighed(search(data_of(arm, hidden)))
@@ -64,7 +64,7 @@ def test_a_hidden_effect_is_named_with_its_numbers(
         assert term.parameters[name] == pytest.approx(value, abs=4.0 * spread + 0.01 * abs(value))
 
 
-def test_nothing_is_named_where_nothing_is_missing(arm: Robot) -> None:
+def test_no_effect_is_named_if_nothing_is_hidden(arm: Robot) -> None:
     known = weighed(search(data_of(arm, nothing)))
     assert known.fits[0].hypothesis.terms == ()
     empty = [not fit.hypothesis.terms for fit in known.fits]
@@ -72,16 +72,16 @@ def test_nothing_is_named_where_nothing_is_missing(arm: Robot) -> None:
 
 
 @pytest.mark.parametrize("late", [4e-3, 40e-3])  # 0.8 and 8 samples
-def test_a_late_torque_is_timing_and_no_physics(arm: Robot, late: float) -> None:
+def test_delayed_torque_is_explained_by_timing_and_not_by_an_effect(arm: Robot, late: float) -> None:
     """A long delay too: the fastest motion turns by 9 degrees in it, of which a line misses 1 %."""
     best = weighed(search(data_of(arm, nothing, late=late))).fits[0]
     assert best.hypothesis.terms == ()
-    assert best.number("timing") == pytest.approx(late, abs=4e-4)
+    assert best.parameter("timing") == pytest.approx(late, abs=4e-4)
     assert best.sigma[0] < 0.01  # the noise of a sample, in a band that holds a part of it
 
 
 @pytest.mark.parametrize("start", [6.0, 9.0])  # inside of a fold, and across the border between two
-def test_a_push_is_found_in_the_recording_in_which_it_was(arm: Robot, start: float) -> None:
+def test_external_push_is_found_in_the_recording_that_contains_it(arm: Robot, start: float) -> None:
     known = weighed(search(data_of(arm, push(start), unseen=nothing)))
     assert known.probability(("external_torque", "joint")) > 0.9
     (term,) = [t for t in known.answer.hypothesis.terms if t.effect.id == "external_torque"]
@@ -90,7 +90,7 @@ def test_a_push_is_found_in_the_recording_in_which_it_was(arm: Robot, start: flo
     assert term.parameters["duration"] == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_fold_is_predicted_as_by_a_fit_without_it(arm: Robot) -> None:
+def test_held_out_prediction_of_a_fold_equals_a_fit_without_it(arm: Robot) -> None:
     """One Newton step is exact where everything is linear, up to the priors' curvature."""
     data = data_of(arm, spring)
     whole = fitted(data, Hypothesis((linear("cable_spring"),)))
@@ -100,7 +100,7 @@ def test_a_fold_is_predicted_as_by_a_fit_without_it(arm: Robot) -> None:
     assert whole.errors[left_out] == pytest.approx(again.errors[left_out], rel=0.02)
 
 
-def test_errors_are_those_of_the_stated_numbers_where_one_is_at_the_end_of_its_range(arm: Robot) -> None:
+def test_errors_are_those_of_the_stated_parameters_also_at_a_bound(arm: Robot) -> None:
     """Dry friction would have to be negative at speed, which no friction is."""
 
     def driving(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -114,12 +114,12 @@ def test_errors_are_those_of_the_stated_numbers_where_one_is_at_the_end_of_its_r
     assert found.parameters["coulomb_torque"] == 0.0
     assert found.parameters["static_torque"] > 0.1
     left = residuals(data, fit, 1)
-    stated = fit.errors[~data.seen]
+    stated = fit.errors[~data.fitted_blocks]
     again = [np.sum(left[block.rows] ** 2, axis=0) for block in data.blocks if block.run == 1]
     np.testing.assert_allclose(stated, again, rtol=1e-6)  # the law is linear in what the last step moved
 
 
-def test_a_term_of_another_joint_keeps_its_shape_until_the_fit_is_completed(arm: Robot) -> None:
+def test_shape_parameters_of_other_joints_stay_fixed_until_the_fit_is_completed(arm: Robot) -> None:
     data, ripple = data_of(arm, wave), get_effect("torque_ripple")
     term = Term.of(ripple, "joint", {**{p.name: 0.0 for p in ripple.parameters}, "order": 6.8})
     partial = fitted(data, Hypothesis((term,)), place="another joint")
@@ -133,11 +133,11 @@ def test_a_term_of_another_joint_keeps_its_shape_until_the_fit_is_completed(arm:
     assert np.allclose(whole.errors, alone.errors, rtol=1e-3)  # where Gauss-Newton ends
 
 
-def test_a_wave_pays_for_the_orders_that_it_could_have(arm: Robot) -> None:
+def test_ripple_is_penalised_for_the_number_of_possible_orders(arm: Robot) -> None:
     """As many as cycles at the end of the band pass over the travel."""
     data, ripple = data_of(arm, wave), get_effect("torque_ripple")
     term = Term.of(ripple, "joint", {**{p.name: 0.0 for p in ripple.parameters}, "order": 7.0})
-    in_time = Hypothesis().filing(TIMING, f"joint.{TIMING}")
+    in_time = Hypothesis().taking_from_file(TIMING, f"joint.{TIMING}")
     with_wave, with_spring = (
         fitted(data, replace(in_time, terms=(own,))) for own in (term, linear("cable_spring"))
     )
@@ -147,7 +147,7 @@ def test_a_wave_pays_for_the_orders_that_it_could_have(arm: Robot) -> None:
     assert paid == pytest.approx(np.log(cycles))
 
 
-def test_a_look_promises_what_a_fit_brings(arm: Robot) -> None:
+def test_predicted_gain_of_a_screened_term_equals_that_of_the_fit(arm: Robot) -> None:
     """Where the effect is small beside what is left: the screen keeps other numbers at the whole fit's."""
     data = data_of(arm, weak_spring)
     standard = fitted(data, Hypothesis())
@@ -159,7 +159,7 @@ def test_a_look_promises_what_a_fit_brings(arm: Robot) -> None:
     assert promised == pytest.approx(0.5 * brought, rel=0.5)  # of two recordings one is screened
 
 
-def test_estimates_do_not_depend_on_the_torques_unit(arm: Robot) -> None:
+def test_estimates_do_not_depend_on_the_unit_of_torque(arm: Robot) -> None:
     """A robot a thousand times as strong and heavy has the same effect a thousand times as large."""
     found = []
     for factor in (1.0, 1000.0):
@@ -184,11 +184,11 @@ def test_estimates_do_not_depend_on_the_torques_unit(arm: Robot) -> None:
         data = TorqueData.of(fit_standard(robot, runs[:1]), runs[:1], runs[1:])
         fit = fitted(data, Hypothesis((linear("cable_spring"),)))
         found.append(fit.hypothesis.terms[0].parameters["stiffness"] / factor)
-        assert fit.number("joint.coulomb") / factor == pytest.approx(COULOMB, rel=0.05)
+        assert fit.parameter("joint.coulomb") / factor == pytest.approx(COULOMB, rel=0.05)
     assert found[0] == pytest.approx(found[1], rel=1e-3)
 
 
-def test_independent_samples_of_a_first_order_process(arm: Robot) -> None:
+def test_effective_sample_size_of_a_first_order_process_is_correct(arm: Robot) -> None:
     """An AR(1) process of correlation r has (1 - r) / (1 + r) independent samples each."""
     data = data_of(arm, nothing)
     fit, rows = fitted(data, Hypothesis()), data.runs[0].rows
@@ -198,7 +198,7 @@ def test_independent_samples_of_a_first_order_process(arm: Robot) -> None:
         left = np.zeros(rows.time.size)
         for t in range(1, left.size):
             left[t] = r * left[t - 1] + random.normal()
-        design = data.designs[0] @ fit.numbers
+        design = data.designs[0] @ fit.parameters
         whole = replace(rows, counted=np.ones_like(rows.counted))
         run = replace(data.runs[0], rows=whole, torque=design + left[:, None])
         found.append(independent_shares(replace(data, runs=(run, data.runs[1])), fit)[0])
@@ -206,19 +206,19 @@ def test_independent_samples_of_a_first_order_process(arm: Robot) -> None:
     assert np.mean(found) == pytest.approx((1.0 - r) / (1.0 + r), rel=0.25)
 
 
-def test_the_numbers_of_the_file_are_those_beside_an_event(arm: Robot) -> None:
+def test_file_parameters_are_those_of_the_fit_including_the_event(arm: Robot) -> None:
     """A file holds no push that happened once; its friction is not what makes up for one either."""
     data = data_of(arm, push(9.0), unseen=nothing)
     found = search(data)
     best = weighed(found).answer
     assert {term.effect.id for term in best.hypothesis.terms} == {"external_torque"}
     file = guarded(found.data, best, found.standard).file
-    assert file.number("joint.viscous") == pytest.approx(best.number("joint.viscous"), rel=1e-9)
-    assert file.number("joint.coulomb") == pytest.approx(COULOMB, abs=0.01)
+    assert file.parameter("joint.viscous") == pytest.approx(best.parameter("joint.viscous"), rel=1e-9)
+    assert file.parameter("joint.coulomb") == pytest.approx(COULOMB, abs=0.01)
 
 
-def test_a_rotor_of_which_the_file_says_nothing_has_no_price(arm: Robot) -> None:
+def test_rotor_inertia_missing_in_the_file_is_not_penalised(arm: Robot) -> None:
     data = data_of(arm, nothing)
     free = fitted(data, Hypothesis())
-    held = fitted(data, Hypothesis().filing("joint.reflected_inertia"))
+    held = fitted(data, Hypothesis().taking_from_file("joint.reflected_inertia"))
     assert prior(data, free) == pytest.approx(prior(data, held))

@@ -1,4 +1,4 @@
-"""Friction laws that the robot file has: taken as known, re-estimated where wrong, never named as missing."""
+"""Friction laws in the robot file: known, re-estimated if wrong, and never named as missing."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def written(result: Result, effect: str) -> dict[str, float]:
     return dict(use.parameters)
 
 
-def test_a_law_of_the_file_that_is_right_leaves_nothing(arm: Robot) -> None:
+def test_correct_friction_law_of_the_robot_file_leaves_no_residual(arm: Robot) -> None:
     uneven = arm.with_effects(
         viscous(),
         EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB),
@@ -96,13 +96,13 @@ def test_a_law_of_the_file_that_is_right_leaves_nothing(arm: Robot) -> None:
     )
     cases = (with_stribeck(arm), excess), (with_bristles(arm), bristles), (uneven, asymmetric)
     for robot, hidden in cases:
-        told = diagnosed(robot, hidden).diagnosis
-        assert told.verdict == "consistent"
-        assert told.findings == ()
-        assert not told.nominal_parameters
+        diagnosis = diagnosed(robot, hidden).diagnosis
+        assert diagnosis.verdict == "consistent"
+        assert diagnosis.findings == ()
+        assert not diagnosis.nominal_parameters
 
 
-def test_friction_that_falls_with_temperature_as_the_file_says_leaves_nothing(arm: Robot) -> None:
+def test_temperature_dependent_friction_of_the_file_leaves_no_residual(arm: Robot) -> None:
     robot = arm.with_effects(
         viscous(),
         EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB),
@@ -119,22 +119,22 @@ def test_friction_that_falls_with_temperature_as_the_file_says_leaves_nothing(ar
 
 
 @pytest.mark.parametrize("kind", ["stribeck_friction", "lugre_friction"])
-def test_one_effect_beside_a_law_of_the_file_is_all_that_is_named(arm: Robot, kind: str) -> None:
+def test_with_a_friction_law_in_the_file_only_the_hidden_effect_is_named(arm: Robot, kind: str) -> None:
     robot = with_stribeck(arm) if kind == "stribeck_friction" else with_bristles(arm)
     result = diagnosed(robot, both(spring, excess if kind == "stribeck_friction" else bristles))
-    told = result.diagnosis
-    assert [f.effect for f in told.findings] == ["cable_spring"]
-    assert told.findings[0].parameters["stiffness"].value == pytest.approx(1.5, rel=0.02)
-    assert told.verdict == "explained"
+    diagnosis = result.diagnosis
+    assert [f.effect for f in diagnosis.findings] == ["cable_spring"]
+    assert diagnosis.findings[0].parameters["stiffness"].value == pytest.approx(1.5, rel=0.02)
+    assert diagnosis.verdict == "explained"
     values = law()["values"] | (BRISTLES if kind == "lugre_friction" else {})
     assert {name: written(result, kind)[name] for name in values} == values
 
 
-def test_a_static_torque_that_is_off_is_a_changed_number_of_the_file(arm: Robot) -> None:
+def test_wrong_static_torque_is_reported_as_a_changed_file_parameter(arm: Robot) -> None:
     result = diagnosed(with_stribeck(arm, 0.6 * STATIC), excess)
-    told = result.diagnosis
-    assert told.findings == ()
-    (change,) = [c for c in told.nominal_parameters if "@" in c.name]
+    diagnosis = result.diagnosis
+    assert diagnosis.findings == ()
+    (change,) = [c for c in diagnosis.nominal_parameters if "@" in c.name]
     assert change.name == "stribeck_friction@joint.static_torque"
     assert (change.nominal, change.unit) == (0.6 * STATIC, "N m")
     assert change.moved
@@ -143,7 +143,7 @@ def test_a_static_torque_that_is_off_is_a_changed_number_of_the_file(arm: Robot)
     assert written(result, "stribeck_friction")["coulomb_torque"] == COULOMB
 
 
-def test_a_law_that_another_one_replaces_is_that_law(arm: Robot) -> None:
+def test_friction_law_that_replaces_that_of_the_file_is_named(arm: Robot) -> None:
     result = diagnosed(with_stribeck(arm), bristles)
     (finding,) = result.diagnosis.findings
     assert finding.effect == "lugre_friction"
@@ -151,48 +151,50 @@ def test_a_law_that_another_one_replaces_is_that_law(arm: Robot) -> None:
     assert "stribeck_friction" not in result.augmented_robot_toml
 
 
-def test_friction_that_the_joint_has_not_is_stated_as_zero(arm: Robot) -> None:
+def test_friction_of_the_file_that_is_absent_is_reported_as_zero(arm: Robot) -> None:
     """The joint's dry friction in the recording is compensated, and the file has it."""
 
     def frictionless(time: Array, position: Array, velocity: Array) -> Array:
         return -COULOMB * np.sign(velocity)
 
-    told = diagnosed(with_stribeck(arm), frictionless).diagnosis
-    assert told.findings == ()
-    changes = {c.name: c.estimate for c in told.nominal_parameters if "@" in c.name}
+    diagnosis = diagnosed(with_stribeck(arm), frictionless).diagnosis
+    assert diagnosis.findings == ()
+    changes = {c.name: c.estimate for c in diagnosis.nominal_parameters if "@" in c.name}
     assert changes["stribeck_friction@joint.static_torque"] == pytest.approx(0.0, abs=0.01)
     assert changes["stribeck_friction@joint.coulomb_torque"] == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_force_of_no_known_effect_beside_a_law_of_the_file_stays_without_a_name(arm: Robot) -> None:
+def test_unknown_force_with_a_friction_law_in_the_file_is_reported_without_a_name(arm: Robot) -> None:
     def thinning(time: Array, position: Array, velocity: Array) -> Array:
         return 0.3 * np.arctan(velocity)
 
-    told = diagnosed(with_stribeck(arm), both(excess, thinning)).diagnosis
-    assert told.findings == ()
-    (force,) = told.unnamed
+    diagnosis = diagnosed(with_stribeck(arm), both(excess, thinning)).diagnosis
+    assert diagnosis.findings == ()
+    (force,) = diagnosis.unnamed
     assert force.depends_on == ("joint.velocity",)
-    assert not [change for change in told.nominal_parameters if "@" in change.name]
+    assert not [change for change in diagnosis.nominal_parameters if "@" in change.name]
 
 
-def test_laws_of_the_file_cost_nothing_and_each_change_of_them_the_same(arm: Robot) -> None:
+def test_friction_laws_of_the_file_are_not_penalised_and_changes_equally(arm: Robot) -> None:
     first, second = runs(excess)
     data = TorqueData.of(fit_standard(with_stribeck(arm), [first]), [first], [second])
     (given,) = data.given
-    as_filed = Hypothesis().filing("joint.viscous", "joint.offset", "joint.reflected_inertia", "bodies")
-    as_filed = given.added_to(as_filed)
-    changed = as_filed.without(given.term)
-    freed = Hypothesis((given.term.freeing("static_torque"),), as_filed.held, as_filed.filed)
-    fits = [fitted(data, hypothesis) for hypothesis in (as_filed, freed, changed)]
+    nominal = Hypothesis().taking_from_file(
+        "joint.viscous", "joint.offset", "joint.reflected_inertia", "bodies"
+    )
+    nominal = given.added_to(nominal)
+    changed = nominal.without(given.term)
+    freed = Hypothesis((given.term.freeing("static_torque"),), nominal.held, nominal.from_file)
+    fits = [fitted(data, hypothesis) for hypothesis in (nominal, freed, changed)]
     late = [
-        0.5 * float((fit.number("timing") / data.layout.width[data.layout.names.index("timing")]) ** 2)
+        0.5 * float((fit.parameter("timing") / data.layout.width[data.layout.names.index("timing")]) ** 2)
         for fit in fits
     ]
     costs = [-prior(data, fit) - own for fit, own in zip(fits, late)]
     assert costs == pytest.approx([0.0, ODDS, 2.0 * ODDS], abs=1e-9)  # no law, and a free Coulomb friction
 
 
-def test_two_laws_of_one_kind_at_one_joint_are_refused(arm: Robot) -> None:
+def test_two_friction_laws_of_one_kind_at_one_joint_are_rejected(arm: Robot) -> None:
     waves = [
         EffectUse(effect="position_dependent_friction", at="joint", cosine=0.1, sine=0.0, order=order)
         for order in (3.0, 5.0)

@@ -1,4 +1,4 @@
-"""Hypotheses about a space robot with a link that bends, weighed on positions and torques."""
+"""Hypotheses about a space robot with a flexible link, from positions and torques."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ def diagnosed(hidden: EffectUse | None) -> Result:
     return diagnose(space_robot(), [fitted], [held_out], options=Options(experiments=False))
 
 
-def test_a_robot_as_its_file_has_it_is_consistent() -> None:
+def test_flexible_robot_with_a_correct_file_is_consistent() -> None:
     result = diagnosed(None)
     assert result.diagnosis.verdict == "consistent"
     assert not result.diagnosis.findings
 
 
-def test_friction_at_a_joint_is_named_with_its_level() -> None:
+def test_friction_at_a_joint_of_a_flexible_robot_is_named_with_its_size() -> None:
     found = diagnosed(EffectUse(effect="coulomb_friction", at="joint1", torque=COULOMB)).diagnosis
     assert [(f.effect, f.location) for f in found.findings] == [("coulomb_friction", "joint1")]
     # torques of some 20 N m are known to 3 parts in 1000 of their rms
@@ -117,7 +117,7 @@ def damped(change: float) -> EffectUse:
 @lru_cache
 def about_the_file(hidden: EffectUse) -> TorqueData:
     data = TorqueData.of(fit_standard(space_robot(), [shaken(hidden, 1)]), [shaken(hidden, 1)])
-    return data.about(data.filed)
+    return data.about(data.file_values)
 
 
 def along(data: TorqueData, use: EffectUse) -> np.ndarray:
@@ -140,9 +140,7 @@ def along(data: TorqueData, use: EffectUse) -> np.ndarray:
         (EffectUse(effect="reaction_wheel", at="base", momentum_x=3.0, momentum_y=-4.0, torque_z=0.1), 0.05),
     ],
 )
-def test_columns_of_a_link_or_a_base_are_what_the_reference_model_adds(
-    use: EffectUse, tolerance: float
-) -> None:
+def test_columns_of_a_link_or_base_equal_the_reference_model(use: EffectUse, tolerance: float) -> None:
     data = about_the_file(damped(0.005))
     values = {k: v for k, v in use.model_dump().items() if k not in ("effect", "at")}
     term = Term.of(get_effect(use.effect), use.at, values)
@@ -150,22 +148,22 @@ def test_columns_of_a_link_or_a_base_are_what_the_reference_model_adds(
     assert np.linalg.norm(found - true) < tolerance * np.linalg.norm(true)
 
 
-def test_a_link_that_rings_down_faster_has_another_damping() -> None:
+def test_faster_decay_of_a_link_is_fitted_as_a_change_of_damping() -> None:
     """Fitted about the damping of the file, then about what was found."""
     change = 0.005  # the file has 0.002 and 0.005
     data = about_the_file(damped(change))
     start = Term.of(get_effect("modal_damping"), "link2", {"damping_ratio": 0.01})
-    known = Hypothesis((start,)).filing(*data.layout.names, BODIES)
+    known = Hypothesis((start,)).taking_from_file(*data.layout.names, BODIES)
     for _ in range(2):
         fit = fitted(data, known)
         known = fit.hypothesis
-        data = data.about(data.with_bodies(fit.numbers, known.terms))
+        data = data.about(data.with_bodies(fit.parameters, known.terms))
     value = known.terms[0].parameters["damping_ratio"]
     assert value == pytest.approx(change, abs=2.0 * fit.deviation("modal_damping@link2.damping_ratio"))
     assert value == pytest.approx(change, rel=0.03)
 
 
-def test_damping_that_the_file_lists_is_known() -> None:
+def test_link_damping_listed_in_the_file_is_not_a_finding() -> None:
     use = damped(0.005)
     robot = space_robot().with_effects(use)
     data = TorqueData.of(fit_standard(robot, [shaken(use, 1)]), [shaken(use, 1)])
@@ -178,7 +176,7 @@ def test_damping_that_the_file_lists_is_known() -> None:
 
 @pytest.mark.proof
 @pytest.mark.parametrize("change", [0.02, -0.0015])
-def test_a_link_that_rings_down_faster_or_slower_is_named(change: float) -> None:
+def test_wrong_link_damping_is_named(change: float) -> None:
     """The file's modes have damping ratios of 0.002 and 0.005."""
     hidden = damped(change)
     found = diagnose(

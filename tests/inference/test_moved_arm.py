@@ -1,4 +1,4 @@
-"""A drive at its limit, a joint that nothing drives, and friction about stops."""
+"""Torque saturation, a passive joint, and friction near stops."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def pendulum(arm: Robot) -> Robot:
     return arm.model_copy(update={"joints": (level,)})
 
 
-def test_a_drive_at_its_limit_is_named_where_its_command_was_recorded(arm: Robot) -> None:
+def test_torque_saturation_is_named_from_a_recorded_command(arm: Robot) -> None:
     robot = with_friction(arm)
-    told = diagnose(robot, [commanded(2.0, seed=1)], [commanded(2.0, seed=2)]).diagnosis
-    assert [f.effect for f in told.findings] == ["torque_saturation"]
-    limit = told.findings[0].parameters["limit"]
+    diagnosis = diagnose(robot, [commanded(2.0, seed=1)], [commanded(2.0, seed=2)]).diagnosis
+    assert [f.effect for f in diagnosis.findings] == ["torque_saturation"]
+    limit = diagnosis.findings[0].parameters["limit"]
     assert limit.value == pytest.approx(2.0, rel=0.01)  # the corner is rounded over half a percent
 
 
-def test_a_pendulum_that_nothing_drives_and_whose_file_is_off(pendulum: Robot) -> None:
+def test_passive_pendulum_with_errors_in_its_file_is_diagnosed(pendulum: Robot) -> None:
     """Its centre of mass is 5 % nearer than the file says, its mass 3 % larger."""
     (link,) = pendulum.links
     stiffness = 9.81 * link.mass * link.center_of_mass[0]
@@ -45,22 +45,22 @@ def test_a_pendulum_that_nothing_drives_and_whose_file_is_off(pendulum: Robot) -
     runs = [decaying(stiffness, inertia, start, *friction) for start in (1.2, 0.9)]
     off = {"center_of_mass": (1.05 * link.center_of_mass[0], 0.0, 0.0), "mass": 0.97 * link.mass}
     wrong = pendulum.model_copy(update={"links": (link.model_copy(update=off),)})
-    told = diagnose(wrong, runs[:1], runs[1:]).diagnosis
-    found = {f.effect: next(iter(f.parameters.values())) for f in told.findings}
+    diagnosis = diagnose(wrong, runs[:1], runs[1:]).diagnosis
+    found = {f.effect: next(iter(f.parameters.values())) for f in diagnosis.findings}
     assert set(found) == {"viscous_friction", "coulomb_friction"}
     for one, true in zip((found["viscous_friction"], found["coulomb_friction"]), friction):
         assert one.value == pytest.approx(true, rel=0.1)  # as the masses of the file
         assert one.ci95[0] < true < one.ci95[1]
-    assert told.verdict == "explained"
+    assert diagnosis.verdict == "explained"
 
 
-def test_a_drive_that_is_strong_enough_has_no_limit(arm: Robot) -> None:
+def test_drive_below_its_limit_gives_no_torque_saturation(arm: Robot) -> None:
     """The joint sticks as it turns back: neither that, nor a file that is right, is missing physics."""
-    told = diagnose(with_friction(arm), [commanded(50.0, seed=1)], [commanded(50.0, seed=2)]).diagnosis
-    assert told.verdict == "consistent"
+    diagnosis = diagnose(with_friction(arm), [commanded(50.0, seed=1)], [commanded(50.0, seed=2)]).diagnosis
+    assert diagnosis.verdict == "consistent"
 
 
-def test_friction_of_a_pendulum_that_nothing_drives(pendulum: Robot) -> None:
+def test_friction_of_a_passive_pendulum_is_named(pendulum: Robot) -> None:
     """Torque is zero throughout, so that it says nothing of masses: those are the file's."""
     (link,) = pendulum.links
     stiffness = 9.81 * link.mass * link.center_of_mass[0]
@@ -76,14 +76,14 @@ def test_friction_of_a_pendulum_that_nothing_drives(pendulum: Robot) -> None:
     assert not result.diagnosis.timing
 
 
-def test_friction_of_an_arm_that_sticks_as_it_turns_back(arm: Robot) -> None:
+def test_friction_of_an_arm_that_sticks_at_reversals_is_named(arm: Robot) -> None:
     """Within two thousandths: what happens at rest enters nothing, where it spread by some percent."""
     found = fit_standard(arm, [commanded(50.0, seed=1)]).estimate
     assert found.value("joint.coulomb")[0] == pytest.approx(COULOMB, rel=2e-3)
     assert found.value("joint.viscous")[0] == pytest.approx(VISCOUS, rel=2e-3)
 
 
-def test_more_samples_of_the_same_motion_tell_the_same(arm: Robot) -> None:
+def test_result_does_not_depend_on_the_sampling_rate(arm: Robot) -> None:
     run = commanded(50.0, seed=1)
     dense = np.linspace(run.time[0], run.time[-1], 8 * (run.time.size - 1) + 1)
     channels = {name: make_interp_spline(run.time, run[name], k=3)(dense) for name in run}

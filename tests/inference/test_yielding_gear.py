@@ -1,4 +1,4 @@
-"""A gear that yields behind its motor's encoder, the only one."""
+"""Gear elasticity with a motor encoder only."""
 
 from __future__ import annotations
 
@@ -53,23 +53,23 @@ def recorded(stiffness: float, *, seed: int) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def told(geared: Robot) -> Result:
+def result(geared: Robot) -> Result:
     return diagnose(geared, [recorded(STIFFNESS, seed=1)], [recorded(STIFFNESS, seed=2)])
 
 
-def test_its_stiffness_is_found_in_the_torque(told: Result) -> None:
-    [found] = told.diagnosis.findings
+def test_gear_stiffness_is_estimated_from_the_torque(result: Result) -> None:
+    [found] = result.diagnosis.findings
     assert (found.effect, found.location) == ("joint_elasticity", "joint")
     stiffness = found.parameters["stiffness"]
     # Damping of the gear and a delay of the torque do nearly the same: what remains is known to a sixth.
     assert stiffness.ci95[0] < STIFFNESS < stiffness.ci95[1]
     assert stiffness.value == pytest.approx(STIFFNESS, rel=0.17)
-    assert told.diagnosis.verdict == "explained"
+    assert result.diagnosis.verdict == "explained"
 
 
-def test_the_file_that_is_written_predicts_the_torque_by_the_twist(told: Result, geared: Robot) -> None:
+def test_augmented_robot_with_gear_elasticity_predicts_the_torque(result: Result, geared: Robot) -> None:
     other = recorded(STIFFNESS, seed=3)
-    files = robot_from_toml(told.augmented_robot_toml), geared
+    files = robot_from_toml(result.augmented_robot_toml), geared
     after, before = (evaluate(file, other, Band(3.0, 15.0)).rms()["joint.torque"] for file in files)
     assert after < 0.2 * before
 

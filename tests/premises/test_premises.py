@@ -1,4 +1,4 @@
-"""What a diagnosis takes for granted: faults are found, and nothing is said of a recording without any."""
+"""Premises of a diagnosis: faults are found, and clean recordings give no message."""
 
 from __future__ import annotations
 
@@ -67,11 +67,11 @@ def weightless(robot: Robot) -> Robot:
     return robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
 
 
-def test_a_recording_as_it_should_be_speaks_against_nothing() -> None:
+def test_clean_recording_violates_no_premise() -> None:
     assert seen(arm(), recorded()) == {}
 
 
-def test_an_arm_that_feels_no_gravity_speaks_against_nothing() -> None:
+def test_arm_without_gravity_torques_violates_no_premise() -> None:
     """Its torques hold none, and its file has none."""
     still, moved = recorded(), RobotModel(weightless(arm()))
     position, velocity = (
@@ -91,7 +91,7 @@ def test_an_arm_that_feels_no_gravity_speaks_against_nothing() -> None:
 J = ("joint1", "joint2")
 
 
-def test_gravity_that_is_not_given_is_found_with_its_axis() -> None:
+def test_missing_gravity_is_found_with_its_axis() -> None:
     finding = seen(weightless(arm()), recorded())["no_gravity"]
     assert finding.severity == "error"
     assert finding.sentence.startswith("no gravity given; -9.81 along z would explain ")
@@ -111,7 +111,7 @@ def test_a_torque_of_the_motor_is_distinguished_from_its_current(kind: str) -> N
     assert corrections == {c: pytest.approx(factor * ratio(robot, c)) for c in wrong if c.endswith(".torque")}
 
 
-def test_one_torque_before_its_gear_is_found_among_right_ones() -> None:
+def test_single_motor_side_torque_is_found_among_joint_torques() -> None:
     robot = arm()
     wrong = torques(
         recorded(), lambda c, torque: torque / (ratio(robot, c) if c.startswith("joint2") else 1.0)
@@ -121,7 +121,7 @@ def test_one_torque_before_its_gear_is_found_among_right_ones() -> None:
     ]
 
 
-def test_a_torque_without_friction_and_noise_is_computed() -> None:
+def test_torque_without_friction_and_noise_is_recognised_as_computed() -> None:
     assert set(seen(arm(), recorded(friction=0.0, noise=0.0))) == {"computed_torque"}
     assert "computed_torque" not in seen(arm(), recorded(friction=1.0, noise=0.0))
 
@@ -141,7 +141,7 @@ def test_a_command_is_distinguished_from_a_torque_that_follows_it(noise: float, 
     assert {kind for kind in found if kind == "command"} == kinds
 
 
-def test_the_command_line_stops_with_a_sentence(
+def test_command_line_stops_with_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     save_robot(weightless(arm()), tmp_path / "arm.toml")
@@ -155,6 +155,6 @@ def test_the_command_line_stops_with_a_sentence(
         with pytest.raises(SystemExit) as left:
             main()
         assert left.value.code == UNUSABLE_INPUT
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert "run.csv: no gravity given; -9.81 along z would explain" in said
+        message = capsys.readouterr().err
+        assert message.count("\n") == 1
+        assert "run.csv: no gravity given; -9.81 along z would explain" in message

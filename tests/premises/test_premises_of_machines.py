@@ -1,4 +1,4 @@
-"""Premises of the real machines: maps made by hand are right, faults put into their recordings are found."""
+"""Premises of real machines: manual maps are right, and faults put into recordings are found."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def doubts(robot: Robot, recording: Recording) -> list[str]:
 @pytest.mark.parametrize(
     "name", ["emps", "dfki_double_pendulum_C1", "dfki_simple_pendulum", "kinova_gen3", "go2"]
 )
-def test_maps_made_by_hand_are_right(name: str) -> None:
+def test_manual_maps_violate_no_premise(name: str) -> None:
     found = loaded(name)
     assert doubts(found.robot, found.fit[0]) == []
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("name", [row.name for row in rows()])
-def test_every_map_made_by_hand_is_right(name: str) -> None:
+def test_every_manual_map_violates_no_premise(name: str) -> None:
     row = machine(name)
     if find_dataset(row.dataset) is None:
         pytest.skip(f"the recordings of {row.dataset} are not here; set MISSING_PHYSICS_DATA")
@@ -50,14 +50,14 @@ def test_every_map_made_by_hand_is_right(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["dfki_double_pendulum_C1", "dfki_simple_pendulum", "kinova_gen3", "go2"])
-def test_gravity_that_is_taken_from_a_robot_file_is_found(name: str) -> None:
+def test_gravity_removed_from_a_robot_file_is_found(name: str) -> None:
     found = loaded(name)
     floating = found.robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
     assert doubts(floating, found.fit[0]) == ["no_gravity"]
 
 
 @pytest.mark.parametrize("name", ["dfki_double_pendulum_C1", "dfki_simple_pendulum", "cycloidal_pendulum"])
-def test_torques_before_their_gear_are_found(name: str) -> None:
+def test_motor_side_torques_are_found(name: str) -> None:
     found = loaded(name)
     ratios = {j.name: j.actuator.gear_ratio for j in found.robot.moving_joints if j.actuator is not None}
     recording = found.fit[0]
@@ -65,7 +65,7 @@ def test_torques_before_their_gear_are_found(name: str) -> None:
     assert doubts(found.robot, recording.with_channels(wrong)) == ["motor_side"]
 
 
-def test_a_torque_that_the_firmware_computes_is_found() -> None:
+def test_torque_computed_by_the_firmware_is_found() -> None:
     """The column `Torque` of the Gen3's logs is its authors' model; its name says nothing of that."""
     found = loaded("kinova_gen3")
     folder = find_dataset("kinova_gen3")
@@ -80,7 +80,7 @@ def test_a_torque_that_the_firmware_computes_is_found() -> None:
     assert "computed_torque" in doubts(found.robot, recording)
 
 
-def test_a_source_that_is_called_a_command_is_noted() -> None:
+def test_commanded_torque_in_a_map_is_reported() -> None:
     folder = find_dataset("dfki_double_pendulum")
     if folder is None:
         pytest.skip("the recordings of dfki_double_pendulum are not here; set MISSING_PHYSICS_DATA")

@@ -1,4 +1,4 @@
-"""ROS bags: joint states without a map; whatever cannot be read is one sentence."""
+"""ROS bags: joint states without a map; unreadable bags give one sentence."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_compressed_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pac
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such limits there")
-def test_a_folder_that_unpacks_to_far_more_than_it_has_is_refused(tmp_path: Path) -> None:
+def test_folder_with_an_excessive_unpacked_size_is_rejected(tmp_path: Path) -> None:
     zstd = pytest.importorskip("backports.zstd" if sys.version_info < (3, 14) else "compression.zstd")
     path = write_bag(tmp_path / "folder", states(), packed="file")
     [file] = [file for file in path.iterdir() if file.name != "metadata.yaml"]
@@ -56,7 +56,7 @@ def test_a_folder_that_unpacks_to_far_more_than_it_has_is_refused(tmp_path: Path
         load_recording(path)
 
 
-def test_joints_are_recognised_by_their_names_in_each_message(tmp_path: Path) -> None:
+def test_joints_are_identified_by_name_in_each_message(tmp_path: Path) -> None:
     turned = np.outer(np.sin(T[1::2]), [2.0, 1.0])
     both = states(time=T[::2]) + states(joints=("joint2", "joint1"), time=T[1::2], position=turned)
     recording = load_recording(write_bag(tmp_path / "a.bag", both), check=False)
@@ -64,13 +64,13 @@ def test_joints_are_recognised_by_their_names_in_each_message(tmp_path: Path) ->
         np.testing.assert_array_equal(recording[f"{joint}.position"], amplitude * np.sin(T))
 
 
-def test_fields_that_are_empty_or_nan_are_no_channels(tmp_path: Path) -> None:
+def test_empty_or_nan_fields_are_not_channels(tmp_path: Path) -> None:
     sent = states(velocity=np.zeros((80, 0)), effort=np.full((80, 2), np.nan))
     recording = load_recording(write_bag(tmp_path / "a.mcap", sent), check=False)
     assert set(recording) == {"joint1.position", "joint2.position"}
 
 
-def test_the_recorders_clock_by_a_map_without_channels(tmp_path: Path) -> None:
+def test_map_without_channels_selects_the_receive_time(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.mcap", states(stamps=np.zeros(80)))
     with pytest.raises(
         InputError, match=r"one and the same time in their headers; .*source = \"receive_time\""
@@ -82,12 +82,12 @@ def test_the_recorders_clock_by_a_map_without_channels(tmp_path: Path) -> None:
     assert "joint2.torque" in recording
 
 
-def test_topics_with_clocks_of_their_own_by_a_map(tmp_path: Path) -> None:
+def test_map_reads_topics_with_different_clocks(tmp_path: Path) -> None:
     slow = T[5:75:2] + 0.001
     sent = states() + states("/hand", ("finger",), time=slow)
     path = write_bag(tmp_path / "a.bag", sent)
-    said = r"joint states of 2 kinds, /joint_states \(joint1, joint2\); /hand \(finger\); say in a map"
-    with pytest.raises(InputError, match=said):
+    message = r"joint states of 2 kinds, /joint_states \(joint1, joint2\); /hand \(finger\); say in a map"
+    with pytest.raises(InputError, match=message):
         load_recording(path)
     mapping = mapping_from_toml(
         '[time]\nsource = "/joint_states.joint1.time"\n'
@@ -99,7 +99,7 @@ def test_topics_with_clocks_of_their_own_by_a_map(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording["finger.position"], np.sin(recording.time), atol=1e-4)
 
 
-def test_stamps_are_those_of_the_headers(tmp_path: Path) -> None:
+def test_time_stamps_are_those_of_the_headers(tmp_path: Path) -> None:
     """The recorder had them late, by a delay that grows."""
     raw = read_raw(write_bag(tmp_path / "a.mcap", states(stamps=START - LATE + (0.98e9 * T).astype(int))))
     np.testing.assert_allclose(raw["time"], 0.98 * T, atol=1e-8)
@@ -117,7 +117,7 @@ def apart(time: np.ndarray) -> list[tuple[object, ...]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "sent", "also", "said"),
+    ("name", "sent", "also", "message"),
     [
         (
             "a.bag",
@@ -147,21 +147,21 @@ def apart(time: np.ndarray) -> list[tuple[object, ...]]:
         ("a.mcap", states(position=np.zeros((80, 3))), (), "3 values of position for 2 joints in message 1"),
     ],
 )
-def test_what_cannot_be_read_is_one_sentence(
+def test_unreadable_bags_give_one_sentence(
     tmp_path: Path,
     name: str,
     sent: list[tuple[object, ...]],
     also: list[tuple[str, str]],
-    said: str,
+    message: str,
 ) -> None:
     path = write_bag(tmp_path / name, sent, also=also)
-    with pytest.raises(InputError, match=said) as refused:
+    with pytest.raises(InputError, match=message) as error:
         load_recording(path)
-    assert str(refused.value).startswith(str(path))
-    assert "\n" not in str(refused.value)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
 
 
-def test_the_command_says_so_on_one_line(
+def test_command_reports_unreadable_bags_on_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write_bag(tmp_path / "a.db3", texts())
@@ -172,14 +172,14 @@ def test_the_command_says_so_on_one_line(
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_folder_without_its_metadata_is_no_recording(tmp_path: Path) -> None:
+def test_folder_without_metadata_is_rejected(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "folder", states())
     (path / "metadata.yaml").unlink()
     with pytest.raises(InputError, match="is a folder, not a recording"):
         load_recording(path)
 
 
-def test_other_contents_of_mcap(tmp_path: Path) -> None:
+def test_unsupported_contents_of_mcap_are_rejected(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.mcap", states())
     path.write_bytes(path.read_bytes().replace(b"ros2", b"ros1", 1))
     with pytest.raises(InputError, match="messages of the profile 'ros1', of which no joint states"):
@@ -198,7 +198,7 @@ def test_without_the_library_a_hint_says_how_to_install_it(
 
 
 @pytest.mark.parametrize("name", KINDS[:3])
-def test_no_more_is_read_than_the_limit_allows(tmp_path: Path, name: str) -> None:
+def test_bags_beyond_the_size_limit_are_rejected(tmp_path: Path, name: str) -> None:
     path = write_bag(tmp_path / name, states())
     size = 80 * (2 + 3 * 2) * 8
     assert read_raw(path, budget=Budget(5 * size)).variables
@@ -206,7 +206,7 @@ def test_no_more_is_read_than_the_limit_allows(tmp_path: Path, name: str) -> Non
         read_raw(path, budget=Budget(0.9 * size))
 
 
-def test_chunks_that_unpack_to_gigabytes_are_damage(tmp_path: Path) -> None:
+def test_chunks_with_an_excessive_unpacked_size_count_as_damaged(tmp_path: Path) -> None:
     """lz4 makes 255 bytes of one: a bag of some megabytes could fill any memory."""
     lz4 = pytest.importorskip("lz4.frame")
     path = write_bag(tmp_path / "a.mcap", states())
@@ -223,7 +223,7 @@ def test_chunks_that_unpack_to_gigabytes_are_damage(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such names there")
 @pytest.mark.parametrize("name", ["a?.db3", "a#b.db3", "a%20.db3"])
-def test_names_that_the_database_takes_for_something_else(tmp_path: Path, name: str) -> None:
+def test_file_names_with_special_characters_of_sqlite_are_rejected(tmp_path: Path, name: str) -> None:
     path = write_bag(tmp_path / "a.db3", states()).rename(tmp_path / name)
     with pytest.raises(InputError, match=r"has one of \? # % in its path; rename"):
         load_recording(path)

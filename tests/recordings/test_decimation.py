@@ -1,4 +1,4 @@
-"""Recordings with more samples than a diagnosis takes: decimated behind a filter, and said."""
+"""Recordings with too many samples are decimated behind a filter, with a message."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def made(count: int = 40_000, rate: float = 1000.0, **channels: np.ndarray) -> R
 
 
 @pytest.mark.parametrize("factor", [2, 7, 40])
-def test_what_the_new_rate_carries_stays_and_what_it_cannot_carry_goes(factor: int) -> None:
+def test_decimation_keeps_the_passband_and_removes_the_stopband(factor: int) -> None:
     half = 500.0 / factor
     time = np.arange(40_000) / 1000.0
     low, high = (np.sin(2 * np.pi * part * half * time) for part in (0.7, 1.15))
@@ -38,14 +38,14 @@ def test_what_the_new_rate_carries_stays_and_what_it_cannot_carry_goes(factor: i
     assert np.abs(found["b.torque"][inner]).max() < 3e-4
 
 
-def test_white_noise_that_was_stated_becomes_what_is_left() -> None:
+def test_stated_white_noise_is_reduced_by_the_decimation_filter() -> None:
     noise = np.random.default_rng(1).standard_normal(200_000)
     recording = Recording(np.arange(noise.size) / 1e3, {"joint1.torque": noise}, noise={"joint1.torque": 1.0})
     found = decimated(recording, 25)
     assert found.noise["joint1.torque"] == pytest.approx(found["joint1.torque"].std(), rel=0.03)
 
 
-def test_noise_that_the_robot_file_states_becomes_what_is_left() -> None:
+def test_noise_of_the_robot_file_is_reduced_by_the_decimation_filter() -> None:
     """As a diagnosis takes it: the filter leaves less, and no steps; a slow channel keeps its own."""
     chance = np.random.default_rng(2)
     long = made(200_000)
@@ -72,7 +72,7 @@ def test_noise_that_the_robot_file_states_becomes_what_is_left() -> None:
     assert sensor_of(robot, found, "joint1.torque").resolution == 0.0
 
 
-def test_what_a_recording_states_of_itself_comes_before_the_robot_file() -> None:
+def test_noise_of_the_recording_takes_precedence_over_the_robot_file() -> None:
     recording = replace(made(), noise={"joint1.torque": 0.5})
     sensor = Sensor(channel="joint1.torque", noise=0.1)
     robot = load_robot("single_axis").model_copy(update={"sensors": (sensor,)})
@@ -80,7 +80,7 @@ def test_what_a_recording_states_of_itself_comes_before_the_robot_file() -> None
     assert band_motion(robot, made(), 2.0).torque_noise == pytest.approx([0.1])
 
 
-def test_gaps_and_clocks_of_their_own_stay() -> None:
+def test_decimation_keeps_gaps_and_separate_clocks() -> None:
     recording = made()
     slow = np.full(len(recording), np.nan)
     slow[::250] = 300.0 + recording.time[::250]
@@ -103,7 +103,7 @@ def test_gaps_and_clocks_of_their_own_stay() -> None:
     missing=st.floats(0.0, 0.9),
     seed=st.integers(0, 99),
 )
-def test_any_recording_is_decimated_or_refused_in_a_sentence(
+def test_any_recording_is_decimated_or_rejected_with_one_sentence(
     count: int, factor: int, jitter: float, missing: float, seed: int
 ) -> None:
     chance = np.random.default_rng(seed)
@@ -137,7 +137,7 @@ def test_too_many_samples_are_thinned_and_reported(monkeypatch: pytest.MonkeyPat
         thinned(robot, [made()], rate=0.0, tell=told.append)
 
 
-def test_diagnosis_and_inspection_take_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_diagnosis_and_inspection_limit_the_number_of_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     robot, lengths = load_robot("two_link_arm"), []
 
     def run(_: object, fitted: list[Recording], scored: list[Recording], **__: object) -> None:

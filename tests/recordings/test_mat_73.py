@@ -1,4 +1,4 @@
-"""MAT 7.3 is read by a process of its own: whatever becomes of it, the program says one sentence."""
+"""MAT 7.3 is read in a separate process, whose failures give one sentence."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def damaged(path: Path) -> None:
     path.write_bytes(content)
 
 
-def test_what_crashes_hdf5s_library_is_one_sentence(whole: Path) -> None:
+def test_files_that_crash_the_hdf5_library_give_one_sentence(whole: Path) -> None:
     damaged(whole)
     command = [sys.executable, "-m", "missing_physics", "inspect", str(whole)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
@@ -56,14 +56,14 @@ def test_what_crashes_hdf5s_library_is_one_sentence(whole: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_the_rest_is_read_of_a_file_of_which_one_variable_is_damaged(whole: Path) -> None:
+def test_damaged_variable_does_not_prevent_reading_the_others(whole: Path) -> None:
     damaged(whole)
     found = read_raw(whole, want=lambda name: name != "time")
     np.testing.assert_array_equal(found["joint1.position"], np.sin(TIME))
     assert set(found.names) == {"time", "joint1.position"}
 
 
-def test_numbers_arrive_as_they_are(tmp_path: Path) -> None:
+def test_numbers_are_transferred_unchanged(tmp_path: Path) -> None:
     shapes, kinds = [(), (0,), (3, 0), (2, 3, 4)], ["<f8", ">f4", "i2", ">u8", "?"]
     chance = np.random.default_rng(1)
     written = {
@@ -85,7 +85,7 @@ def test_numbers_arrive_as_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("program", "said"),
+    ("program", "message"),
     [
         ("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)", "is ended by it: SIGSEGV"),
         (LISTED + "os.kill(os.getpid(), signal.SIGABRT)", "is ended by it: SIGABRT"),
@@ -102,17 +102,17 @@ def test_numbers_arrive_as_they_are(tmp_path: Path) -> None:
     ],
     ids=["crash", "later", "cut", "shape", "objects", "garbage", "nothing", "code", "endless"],
 )
-def test_whatever_becomes_of_the_process(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, said: str
+def test_any_end_of_the_reading_process_is_reported(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, message: str
 ) -> None:
     (tmp_path / "program.py").write_text(program)
     monkeypatch.setattr(datasets, "_PROGRAM", tmp_path / "program.py")
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_raw(whole)
     assert "may be truncated or damaged" in str(caught.value)
 
 
-def test_a_process_that_the_machine_ends_lacked_memory(
+def test_killed_reading_process_is_reported_as_lack_of_memory(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "program.py").write_text(LISTED + "os.kill(os.getpid(), signal.SIGKILL)")
@@ -121,7 +121,7 @@ def test_a_process_that_the_machine_ends_lacked_memory(
         read_raw(whole)
 
 
-def test_an_interrupt_ends_both(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_ends_both_processes(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = (
         "import os, time\nfrom pathlib import Path\nPath({!r}).write_text(str(os.getpid()))\ntime.sleep(60)"
     )
@@ -147,14 +147,14 @@ def answers(path: Path, asked: str) -> list[dict[str, object]]:
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def test_no_more_memory_is_taken_than_was_said(tmp_path: Path) -> None:
+def test_reading_process_keeps_the_memory_limit(tmp_path: Path) -> None:
     """A file that asks for more is damaged; the machine lacks nothing."""
     with h5py.File(tmp_path / "a.mat", "w") as file:
         file.create_dataset("time", shape=(200_000_000,), dtype="f8")
-    said = answers(tmp_path / "a.mat", '{"names": ["time"], "size": 1000}\n')
-    assert said[0]["datasets"] == [{"name": "time", "shape": [200_000_000], "entry": 8, "chunk": 0}]
-    assert "failed" in said[1]
-    assert said[1]["memory"] is False
+    message = answers(tmp_path / "a.mat", '{"names": ["time"], "size": 1000}\n')
+    assert message[0]["datasets"] == [{"name": "time", "shape": [200_000_000], "entry": 8, "chunk": 0}]
+    assert "failed" in message[1]
+    assert message[1]["memory"] is False
 
 
 def test_cells_are_read_and_objects_are_reported(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""MAT versions 4 to 7: of whole files the numbers that SciPy reads, of damaged ones a sentence."""
+"""MAT versions 4 to 7: same numbers as SciPy, and one sentence for damaged files."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_both_byte_orders_of_version_4(tmp_path: Path, order: str) -> None:
     np.testing.assert_array_equal(read_raw(tmp_path / "a.mat")["time"], TIME[:, None])
 
 
-def test_a_zeroed_tag_is_reported_in_a_sentence(tmp_path: Path) -> None:
+def test_zeroed_tag_gives_one_sentence(tmp_path: Path) -> None:
     """SciPy 1.17 ends the process with SIGSEGV here."""
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"time": TIME})
@@ -198,7 +198,7 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("kind", DAMAGED)
-def test_damage_of_version_5(tmp_path: Path, kind: str) -> None:
+def test_damaged_version_5_files_are_read_or_rejected(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(version_5("<", DAMAGED[kind]))
     with pytest.raises(InputError, match=r"a\.mat cannot be read as MAT; it may be truncated or damaged"):
@@ -206,7 +206,7 @@ def test_damage_of_version_5(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("whole", [WHOLE, nested(20)])
-def test_what_the_damage_is_done_to_can_be_read(tmp_path: Path, whole: bytes) -> None:
+def test_undamaged_file_of_the_damage_tests_is_readable(tmp_path: Path, whole: bytes) -> None:
     path = tmp_path / "a.mat"
     for content in (whole, packed(zlib.compress(whole))):
         path.write_bytes(version_5("<", content))
@@ -227,7 +227,7 @@ def test_what_the_damage_is_done_to_can_be_read(tmp_path: Path, whole: bytes) ->
         (0, 61, 1, 0, 5),
     ],
 )
-def test_damage_of_version_4(tmp_path: Path, header: tuple[int, ...]) -> None:
+def test_damaged_version_4_files_are_read_or_rejected(tmp_path: Path, header: tuple[int, ...]) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(struct.pack("<5i", *header) + b"time\0" + TIME.tobytes())
     with pytest.raises(InputError, match=r"a\.mat cannot be read as MAT; it may be truncated or damaged"):
@@ -241,7 +241,7 @@ def test_numbers_of_a_vax_are_reported(tmp_path: Path) -> None:
         read_raw(path)
 
 
-def test_every_truncation_is_seen(tmp_path: Path) -> None:
+def test_every_truncation_is_detected(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     for form in ({"format": "4"}, {}, {"do_compression": True}):
         scipy.io.savemat(path, {"time": TIME[:4], "s": TIME[:3]}, **form)
@@ -253,7 +253,7 @@ def test_every_truncation_is_seen(tmp_path: Path) -> None:
                 assert len(read_raw(path).variables) < whole
 
 
-def test_cells_are_variables_by_their_number_and_many_with_a_number_a_column(tmp_path: Path) -> None:
+def test_cells_become_numbered_variables_or_columns(tmp_path: Path) -> None:
     cells = np.empty(2, dtype=object)
     cells[:] = [TIME, {"q": np.sin(TIME)}]
     many = np.empty((len(TIME) * 10, 1), dtype=object)
@@ -285,9 +285,7 @@ def opaque(name: str, of_class: str) -> bytes:
         ("my.Own", "save its numbers as arrays"),
     ],
 )
-def test_an_object_of_matlab_is_reported_with_what_to_do_there(
-    tmp_path: Path, of_class: str, remedy: str
-) -> None:
+def test_matlab_object_is_reported_with_advice(tmp_path: Path, of_class: str, remedy: str) -> None:
     scipy.io.savemat(tmp_path / "a.mat", {"k": 1.0}, do_compression=False)
     plain = (tmp_path / "a.mat").read_bytes() + opaque("out", of_class)
     (tmp_path / "a.mat").write_bytes(plain)
@@ -296,6 +294,6 @@ def test_an_object_of_matlab_is_reported_with_what_to_do_there(
     for mapping in (None, mapped):
         with pytest.raises(InputError) as told:
             load_recording(tmp_path / "a.mat", mapping=mapping)
-        said = str(told.value)
-        assert f"out is an object of the class {of_class}, which only MATLAB opens; there, " in said
-        assert remedy in said
+        message = str(told.value)
+        assert f"out is an object of the class {of_class}, which only MATLAB opens; there, " in message
+        assert remedy in message

@@ -1,4 +1,4 @@
-"""What comes through a pipe, or under a name in /dev, is read like a file."""
+"""Pipes and names in /dev are read like files."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ CONTENTS = {
 
 
 @pytest.mark.parametrize("suffix", CONTENTS)
-def test_every_format_comes_through_a_pipe(tmp_path: Path, suffix: str) -> None:
+def test_every_format_is_read_from_a_pipe(tmp_path: Path, suffix: str) -> None:
     with through(tmp_path / f"pipe.{suffix}", CONTENTS[suffix]) as pipe:
         recording = load_recording(pipe)
     np.testing.assert_array_equal(recording.time, TIME)
@@ -75,12 +75,12 @@ def test_every_format_comes_through_a_pipe(tmp_path: Path, suffix: str) -> None:
     assert recording.source == str(pipe)
 
 
-def test_a_pipe_without_a_suffix_is_csv(tmp_path: Path) -> None:
+def test_pipe_without_a_suffix_is_read_as_csv(tmp_path: Path) -> None:
     with through(tmp_path / "pipe", CONTENTS["csv"]) as pipe:
         np.testing.assert_array_equal(load_recording(pipe)["joint1.position"], POSITION)
 
 
-def test_what_a_pipe_holds_is_read_once_for_channels_and_constants(tmp_path: Path) -> None:
+def test_pipe_is_read_once_for_channels_and_constants(tmp_path: Path) -> None:
     text = """
         [time]
         source = "time"
@@ -96,7 +96,7 @@ def test_what_a_pipe_holds_is_read_once_for_channels_and_constants(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "pipe is empty"),
         (b"PK\0\1", "pipe holds binary data, not text"),
@@ -104,20 +104,20 @@ def test_what_a_pipe_holds_is_read_once_for_channels_and_constants(tmp_path: Pat
         (b"0," * 600_000, "more than 0.001 GB come through"),
     ],
 )
-def test_messages_name_the_pipe_and_leave_no_copy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes, said: str
+def test_error_messages_name_the_pipe_and_no_copy_remains(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes, message: str
 ) -> None:
     (tmp_path / "copies").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "copies"))
-    with through(tmp_path / "pipe", content) as pipe, pytest.raises(InputError) as refused:
+    with through(tmp_path / "pipe", content) as pipe, pytest.raises(InputError) as error:
         load_recording(pipe, size_limit=1e6)
-    assert f"{tmp_path}/" in str(refused.value)
-    assert said in str(refused.value)
-    assert "piped" not in str(refused.value)
+    assert f"{tmp_path}/" in str(error.value)
+    assert message in str(error.value)
+    assert "piped" not in str(error.value)
     assert not list((tmp_path / "copies").iterdir())
 
 
-def test_a_map_may_come_through_a_pipe(
+def test_map_is_read_from_a_pipe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "a.csv").write_text(TEXT.replace("joint1.position", "q"))

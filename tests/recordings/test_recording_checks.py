@@ -1,4 +1,4 @@
-"""Checks: each fault planted into a clean recording is found, and the clean one passes."""
+"""Checks: each fault put into a clean recording is found, and the clean one passes."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_time_in_other_units(swing: Recording, per_second: float, unit: str, wit
         require_consistent(wrong)
 
 
-def test_time_in_kiloseconds_is_absurd(swing: Recording) -> None:
+def test_time_in_kiloseconds_is_reported(swing: Recording) -> None:
     wrong = Recording(time=swing.time * 1e-3, channels={"joint1.position": swing["joint1.position"]})
     assert ("time_unit", "time") in kinds(wrong, "error")
 
@@ -88,7 +88,7 @@ def test_load_refuses_wrong_units_unless_asked_to_accept_them(tmp_path: Path, sw
     assert len(load_recording(tmp_path / "a.npz", check=False)) == 1000
 
 
-def test_many_turns_are_asked_about_where_nothing_tells_their_unit(swing: Recording) -> None:
+def test_many_turns_of_unknown_unit_are_questioned(swing: Recording) -> None:
     wrong = changed(swing, position=DEGREES, velocity=DEGREES)
     alone = Recording(wrong.time, {"joint1.position": wrong["joint1.position"]})
     assert ("degrees", "joint1.position") in kinds(alone, "warning")
@@ -97,21 +97,21 @@ def test_many_turns_are_asked_about_where_nothing_tells_their_unit(swing: Record
     assert turning == ["note"]  # whose joints have no limits
 
 
-def test_turns_that_agree_with_their_velocity_draw_no_advice(swing: Recording) -> None:
+def test_many_turns_consistent_with_the_velocity_give_no_advice(swing: Recording) -> None:
     """Both may be in degrees all the same, which is said, unless a robot's torques would tell it."""
     turning = changed(swing, position=DEGREES, velocity=DEGREES)
     assert ("degrees", "joint1.position") not in kinds(turning, "warning")
-    [said] = [f.sentence for f in check(turning) if f.kind == "degrees"]
-    assert said.endswith("joint1.velocity agrees with it: both are in radians, or both in degrees.")
+    [message] = [f.sentence for f in check(turning) if f.kind == "degrees"]
+    assert message.endswith("joint1.velocity agrees with it: both are in radians, or both in degrees.")
     assert not [f for f in check(turning, robot=load_robot("two_link_arm")) if f.kind == "degrees"]
 
 
-def test_two_positions_in_two_units(swing: Recording) -> None:
+def test_position_in_degrees_next_to_one_in_radians_is_detected(swing: Recording) -> None:
     wrong = swing.with_channels({"joint1.motor_position": DEGREES * swing["joint1.position"]})
     assert ("degrees", "joint1.motor_position") in kinds(wrong, "error")
 
 
-def test_celsius_and_wrapping(swing: Recording) -> None:
+def test_temperatures_in_celsius_and_wrapped_angles_are_reported(swing: Recording) -> None:
     wrapped = np.angle(np.exp(1j * (5 * swing.time)))
     wrong = swing.with_channels(
         {"joint1.temperature": 0 * swing.time + 25 + swing.time, "joint2.position": wrapped}
@@ -132,7 +132,7 @@ def test_position_per_velocity_finds_any_factor(factor: float, seed: int) -> Non
     assert alike * np.sign(factor) > 0.99
 
 
-def test_what_happens_in_a_gap_does_not_count() -> None:
+def test_changes_across_a_gap_do_not_count() -> None:
     """The joint was moved by ten radians while nothing was recorded."""
     t = np.arange(2000) / 1000 + 3.0 * (np.arange(2000) >= 1000)
     q = np.sin(5 * t) + 10.0 * (np.arange(2000) >= 1000)
@@ -190,14 +190,14 @@ def test_faults_of_values(swing: Recording) -> None:
     assert finding.numbers["at_s"] == pytest.approx(swing.time[700])
 
 
-def test_rest_of_a_coarse_torque_is_no_saturation(swing: Recording) -> None:
+def test_constant_coarse_torque_at_rest_is_not_saturation(swing: Recording) -> None:
     """A quantised torque rests on every level for a while; only a limit holds it longer."""
     coarse = np.round(swing["joint1.torque"] / 5) * 5
     assert not any(kind == "saturation" for kind, _ in kinds(swing.with_channels({"joint1.torque": coarse})))
 
 
 @given(st.lists(st.booleans(), max_size=40))
-def test_longest_run_against_a_plain_count(flags: list[bool]) -> None:
+def test_longest_run_equals_a_direct_count(flags: list[bool]) -> None:
     best = max((len(run) for run in "".join("1" if f else "0" for f in flags).split("0")), default=0)
     length, start = longest_run(np.array(flags, dtype=bool))
     assert length == best
@@ -218,7 +218,7 @@ def test_noise_estimate(sigma: float, jittered: bool) -> None:
     assert estimate_resolution(recording) == {}
 
 
-def test_interpolation_residual_kills_polynomials() -> None:
+def test_interpolation_residual_of_polynomials_is_zero() -> None:
     """2 k neighbours reproduce every polynomial of degree 2 k - 1 at any instants."""
     rng = np.random.default_rng(4)
     t = np.cumsum(rng.uniform(0.5, 1.5, 50))
@@ -244,7 +244,7 @@ def test_resolution_of_unquantised_and_constant_values() -> None:
     assert smallest_step(np.ones(100)) == 0.0
 
 
-def test_stated_noise_and_resolution_win(swing: Recording) -> None:
+def test_stated_noise_and_resolution_take_precedence(swing: Recording) -> None:
     stated = Recording(
         time=swing.time,
         channels=swing.channels,
@@ -275,7 +275,7 @@ def test_excitation_of_a_known_motion() -> None:
     assert move.bandwidth_hz == pytest.approx(1.0, abs=0.3)
 
 
-def test_outlook_says_what_is_missing(swing: Recording) -> None:
+def test_outlook_lists_what_is_missing(swing: Recording) -> None:
     can, cannot = outlook(swing)
     assert any("joint1: the force that resists the motion" in line for line in can)
     assert any("between motor and joint" in line for line in cannot)
@@ -309,7 +309,7 @@ def limited(torque_limit: float) -> Robot:
     return robot.model_copy(update={"joints": joints})
 
 
-def test_torques_that_the_actuator_has_not(swing: Recording) -> None:
+def test_torques_beyond_the_actuator_limit_are_reported(swing: Recording) -> None:
     largest = float(np.abs(swing["joint1.torque"]).max())
     [finding] = [f for f in check(swing, robot=limited(largest / 3)) if f.kind == "torque_limit"]
     assert finding.severity == "warning"
@@ -321,7 +321,7 @@ def test_torques_that_the_actuator_has_not(swing: Recording) -> None:
     assert not [f for f in check(strayed, robot=limited(largest)) if f.kind == "torque_limit"]
 
 
-def test_coarse_channels_share_a_line() -> None:
+def test_coarse_channels_are_reported_in_one_line() -> None:
     time = np.arange(1000) / 100.0
     names = [f"joint{k}.reference_position" for k in range(1, 13)]
     coarse = Recording(time, {name: np.round(np.sin(time + k), 1) for k, name in enumerate(names)})
@@ -332,7 +332,7 @@ def test_coarse_channels_share_a_line() -> None:
     assert finding.sentence.endswith(" and 8 more.")
 
 
-def test_steps_that_noise_covers_are_not_reported() -> None:
+def test_resolution_steps_below_the_noise_are_not_reported() -> None:
     time = np.arange(2000) / 100.0
     noise = np.random.default_rng(3).normal(0.0, 1e-5, 2000)
     for step, told in ((1e-9, False), (1e-3, True)):
@@ -341,7 +341,7 @@ def test_steps_that_noise_covers_are_not_reported() -> None:
         assert ("quantisation" in found) == told
 
 
-def test_a_joint_that_trembles_is_given_no_advice_on_friction() -> None:
+def test_trembling_joint_gets_no_advice_on_friction() -> None:
     time = np.arange(4000) / 100.0
     tremble = 1e-5 * np.sin(2 * np.pi * 3.7 * time)
     channels = {"joint1.position": np.sin(time), "joint2.position": tremble, "joint3.position": 2 * tremble}
@@ -357,7 +357,7 @@ def test_a_joint_that_trembles_is_given_no_advice_on_friction() -> None:
     assert any(line.startswith("joint2: viscous friction") for line in outlook(alone)[0])
 
 
-def test_what_is_the_same_of_many_joints_is_said_once() -> None:
+def test_equal_findings_of_many_joints_are_merged() -> None:
     time = np.arange(1000) / 100.0
     channels = {f"joint{k}.position": np.sin(time + k) for k in (1, 2, 3)}
     torques = {f"joint{k}.torque": np.cos(time + k) for k in (1, 2, 3)}

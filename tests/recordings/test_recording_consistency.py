@@ -119,7 +119,7 @@ def test_clean_channels_agree(two: Recording) -> None:
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "reference_position", "motor_position"])
-def test_exchanged_joints(two: Recording, quantity: str) -> None:
+def test_exchanged_joints_are_named(two: Recording, quantity: str) -> None:
     seen = errors(crossed(two, quantity))
     assert {f.kind for f in seen} == {"exchanged"}
     assert corrections(seen) == {
@@ -145,7 +145,7 @@ def test_exchanged_positions_are_distinguished_from_exchanged_partners(two: Reco
         *(("motor_position", f) for f in (-1.0, DEGREES, 160.0, -160.0, 1 / 160.0)),
     ],
 )
-def test_a_wrong_factor_is_named_with_what_undoes_it(two: Recording, channel: str, factor: float) -> None:
+def test_wrong_factor_is_reported_with_its_correction(two: Recording, channel: str, factor: float) -> None:
     """With the robot's gear ratio of 160 known."""
     name = f"joint1.{channel}"
     wrong = two.with_channels({name: factor * two[name]})
@@ -155,13 +155,13 @@ def test_a_wrong_factor_is_named_with_what_undoes_it(two: Recording, channel: st
 
 
 @pytest.mark.parametrize("gain", [0.2, 0.5, 1.5, 2.9])
-def test_gains_that_sensors_may_have_are_no_contradiction(two: Recording, gain: float) -> None:
+def test_plausible_sensor_gains_are_not_a_contradiction(two: Recording, gain: float) -> None:
     """Up to the catalogue's limits, offsets besides."""
     for name in ("joint1.motor_position", "joint1.reference_position"):
         assert not errors(two.with_channels({name: gain * two[name] + 0.3}))
 
 
-def test_a_position_under_the_name_of_its_reference(two: Recording) -> None:
+def test_exchanged_position_and_reference_are_named(two: Recording) -> None:
     p, r = "joint2.position", "joint2.reference_position"
     seen = [f for f in consistency_findings(two.with_channels({p: two[r], r: two[p]})) if f.channel == r]
     assert [f.severity for f in seen] == ["warning"]
@@ -177,7 +177,7 @@ def test_a_velocity_that_lags_is_reported_with_its_delay(two: Recording, lag: fl
     assert seen.corrections[0].delay == pytest.approx(lag, abs=0.002)
 
 
-def test_an_accelerometers_reading(two: Recording) -> None:
+def test_gravity_in_a_base_acceleration_is_reported(two: Recording) -> None:
     chance = np.random.default_rng(5)
     stem = "base.linear_acceleration"
     for unit, scale in ((9.81, 1.0), (1.0, 9.80665)):
@@ -201,14 +201,14 @@ def test_native_attitude_and_gyro_agree(size: float) -> None:
 
 @given(st.floats(0.3, 2.5), st.floats(-0.05, 0.05), st.integers(0, 1000))
 @settings(max_examples=10)
-def test_a_gyros_gain_and_bias_are_no_contradiction(gain: float, bias: float, seed: int) -> None:
+def test_plausible_gyro_gain_and_bias_are_not_a_contradiction(gain: float, bias: float, seed: int) -> None:
     attitude, rate = turning(0.4, seed)
     assert consistency_findings(flying(attitude, gain * rate + bias)) == ()
 
 
 @pytest.mark.parametrize("size", [0.05, 0.5, 1.2])
 @pytest.mark.parametrize("unit", [1.0, DEGREES, 30 / np.pi])
-def test_a_quaternion_in_another_order_and_a_gyro_in_another_unit(size: float, unit: float) -> None:
+def test_quaternion_order_and_gyro_unit_are_corrected(size: float, unit: float) -> None:
     attitude, rate = turning(size)
     wrong = flying(np.roll(attitude, -1, axis=1), unit * rate)
     seen = errors(wrong)
@@ -220,7 +220,7 @@ def test_a_quaternion_in_another_order_and_a_gyro_in_another_unit(size: float, u
     assert consistency_findings(corrected(wrong, seen[0].corrections)) == ()
 
 
-def test_frames_of_attitude_and_gyro() -> None:
+def test_wrong_frames_of_attitude_and_gyro_are_corrected() -> None:
     attitude, rate = turning(0.8)
     inverse = attitude * np.array([1.0, -1.0, -1.0, -1.0])
     seen = errors(flying(inverse, rate))
@@ -233,12 +233,12 @@ def test_frames_of_attitude_and_gyro() -> None:
     assert corrections(errors(flying(attitude, -rate))) == {c: (c, -1.0) for c in GYRO}
 
 
-def test_angles_are_no_quaternion() -> None:
+def test_angles_are_not_accepted_as_a_quaternion() -> None:
     attitude, rate = turning(0.5)
     assert [f.kind for f in errors(flying(0.3 * attitude, rate))] == ["quaternion"]
 
 
-def test_the_map_that_corrects_can_be_pasted(tmp_path: Path, two: Recording) -> None:
+def test_printed_corrections_are_valid_maps(tmp_path: Path, two: Recording) -> None:
     """Without a map a whole one is written, with one what changes in it; either makes the recording right."""
     wrong = crossed(two, "velocity").with_channels(
         {"joint1.reference_position": -two["joint1.reference_position"]}
@@ -257,15 +257,15 @@ def test_the_map_that_corrects_can_be_pasted(tmp_path: Path, two: Recording) -> 
         np.testing.assert_allclose(right[name], two[name], rtol=1e-12, atol=1e-15)
 
 
-def test_a_correction_keeps_what_a_map_did_already() -> None:
+def test_correction_includes_the_present_map() -> None:
     mapping = mapping_from_toml(
         'time = { source = "ms", scale = 0.001 }\n'
         '[channels."joint1.position"]\nsource = "log.q"\nindex = [0, 2, ":"]\nscale = 0.5\noffset = 0.25\n'
         '[channels."joint2.torque"]\n'
         'product = ["gain", { source = "u", row = 1, scale = 2.0 }]\nnoise = 0.1\n'
     )
-    said = in_words([Correction("joint1.position", scale=-2.0), Correction("time", scale=1e-3)], mapping)
-    assert said == (
+    message = in_words([Correction("joint1.position", scale=-2.0), Correction("time", scale=1e-3)], mapping)
+    assert message == (
         '[channels."joint1.position"] index = [0, 2, ":"], source = "log.q", scale = -1, offset = -0.5; '
         '[time] source = "ms", scale = 1e-06'
     )

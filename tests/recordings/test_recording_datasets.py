@@ -86,7 +86,7 @@ def test_download_by_commit_into_the_cache_once(tmp_path: Path) -> None:
     assert len(downloader.urls) == 2
 
 
-def test_what_was_downloaded_is_found_again() -> None:
+def test_downloaded_files_are_found_in_the_cache() -> None:
     assert find_dataset("tiny") is None
     folder = fetch_dataset("tiny", downloader=Downloader())
     assert find_dataset("tiny") == folder
@@ -147,7 +147,7 @@ def test_a_known_copy_with_fewer_digits_is_accepted(tmp_path: Path, monkeypatch:
         local_folder("mixed")
 
 
-def test_prepared_files_stand_for_the_published_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prepared_files_replace_the_published_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = mixed_folder(tmp_path, {"one.mat": b"first", "both.csv": b"joined"}, monkeypatch)
     assert local_folder("mixed") == folder
     assert [file.name for file in dataset_files("mixed", folder)] == ["one.mat", "both.csv"]
@@ -164,7 +164,7 @@ def test_only_published_files_are_downloaded(tmp_path: Path) -> None:
     assert [file.name for file in dataset_files("mixed", folder)] == ["one.mat", "part/two words.mat"]
 
 
-def test_half_of_each_layout_is_no_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mixed_dataset_layouts_are_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mixed_folder(tmp_path, {"both.csv": b"joined", "part/two words.mat": b"second"}, monkeypatch)
     assert local_folder("mixed") is None
 

@@ -208,7 +208,7 @@ def test_unknown_key_in_a_mapping_file(
     assert "did you mean 'scale'?" in shown
 
 
-def test_a_writer_that_fails_leaves_the_old_file(
+def test_failed_write_keeps_the_old_file(
     tmp_path: Path, swing: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.npz"
@@ -238,14 +238,14 @@ def test_inspect_shows_the_report_before_it_refuses(
     assert "in degrees" in err
 
 
-def test_inspect_says_what_a_diagnosis_with_the_robot_stops_at(
+def test_inspect_reports_problems_that_stop_a_diagnosis(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     csv(tmp_path / "a.csv", rows_with(0, "0,0"), "time,joint9.position")
     assert command(monkeypatch, "inspect", str(tmp_path / "a.csv"), "--robot", "single_axis") == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "a diagnosis with this robot stops" in said
-    assert "joint1.position" in said
+    message = " ".join(capsys.readouterr().out.split())
+    assert "a diagnosis with this robot stops" in message
+    assert "joint1.position" in message
 
 
 @pytest.mark.parametrize("quiet", [False, True])

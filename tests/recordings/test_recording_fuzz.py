@@ -1,4 +1,4 @@
-"""Whatever bytes a reader is given, it returns a recording or raises InputError with one sentence."""
+"""For any bytes a reader returns a recording or raises InputError with one sentence."""
 
 from __future__ import annotations
 
@@ -205,7 +205,9 @@ def test_random_bytes(tmp_path: Path, suffix: str, data: bytes, with_magic: bool
 @pytest.mark.parametrize("suffix", quick_names(APART_SUFFIXES, ".mcap"))
 @given(data=st.binary(max_size=400), with_magic=st.booleans())
 @FEW
-def test_random_bytes_read_apart(tmp_path: Path, suffix: str, data: bytes, with_magic: bool) -> None:
+def test_random_bytes_in_a_separate_process_are_read_or_rejected(
+    tmp_path: Path, suffix: str, data: bytes, with_magic: bool
+) -> None:
     path = tmp_path / f"random{suffix}"
     path.write_bytes(MAGIC[suffix] * with_magic + data)
     read_or_refuse(path)
@@ -222,7 +224,9 @@ def test_damaged_files(tmp_path: Path, name: str, data: st.DataObject) -> None:
 @pytest.mark.parametrize("name", quick_names(APART, "eight.mat", "packed.bag", "two.mcap", "three.db3"))
 @given(data=st.data())
 @FEW
-def test_damaged_files_that_are_read_apart(tmp_path: Path, name: str, data: st.DataObject) -> None:
+def test_damaged_files_in_a_separate_process_are_read_or_rejected(
+    tmp_path: Path, name: str, data: st.DataObject
+) -> None:
     path = tmp_path / name
     path.write_bytes(damage(whole_files()[name], data))
     read_or_refuse(path)
@@ -230,7 +234,9 @@ def test_damaged_files_that_are_read_apart(tmp_path: Path, name: str, data: st.D
 
 @pytest.mark.parametrize("name", ["b.npz", "six.mat"])
 @given(data=st.data())
-def test_damaged_inside_of_what_is_compressed(tmp_path: Path, name: str, data: st.DataObject) -> None:
+def test_damaged_compressed_contents_are_read_or_rejected(
+    tmp_path: Path, name: str, data: st.DataObject
+) -> None:
     path = tmp_path / name
     path.write_bytes(damaged_inside(name, whole_files()[name], data))
     read_or_refuse(path)
@@ -245,7 +251,7 @@ def test_damaged_inside_of_what_is_compressed(tmp_path: Path, name: str, data: s
         if Path(name).suffix in BINARY
     ],
 )
-def test_truncation_of_a_binary_file_is_seen(tmp_path: Path, name: str, keep: float) -> None:
+def test_truncation_of_a_binary_file_is_detected(tmp_path: Path, name: str, keep: float) -> None:
     path = tmp_path / name
     path.write_bytes(whole_files()[name][: int(keep * len(whole_files()[name]))])
     with pytest.raises(InputError, match=rf"{path.name} .*truncated or damaged"):

@@ -33,7 +33,7 @@ def lerobot(path: Path, lists: pa.Array) -> Path:
 @pytest.mark.parametrize(
     "kind", [pa.list_(pa.float32()), pa.large_list(pa.float64()), pa.list_(pa.float32(), 3)]
 )
-def test_lists_in_parquet_are_picked_by_column(tmp_path: Path, kind: pa.DataType) -> None:
+def test_lists_in_parquet_are_selected_by_column(tmp_path: Path, kind: pa.DataType) -> None:
     path = lerobot(tmp_path / "episode_000000.parquet", pa.array(STATE.tolist(), type=kind))
     text = HEAD + '[channels."joint1.position"]\nsource = "observation.state"\ncolumn = 1\n'
     recording = load_recording(path, mapping=mapping_from_toml(text), check=False)
@@ -48,7 +48,7 @@ def test_rows_without_a_list_are_missing_samples(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found[1:50], STATE[1:50])
 
 
-def test_lists_of_different_lengths_are_refused(tmp_path: Path) -> None:
+def test_lists_of_different_lengths_are_rejected(tmp_path: Path) -> None:
     rows = STATE.tolist()
     rows[7] = rows[7][:2]
     path = lerobot(tmp_path / "a.parquet", pa.array(rows))
@@ -56,7 +56,7 @@ def test_lists_of_different_lengths_are_refused(tmp_path: Path) -> None:
         read_raw(path)
 
 
-def test_lists_are_held_against_the_limit(tmp_path: Path) -> None:
+def test_lists_count_towards_the_size_limit(tmp_path: Path) -> None:
     path = lerobot(tmp_path / "a.parquet", pa.array(STATE.tolist()))
     size = N * 5 * 8
     assert read_raw(path, budget=Budget(size)).variables
@@ -79,7 +79,7 @@ def test_one_long_column(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["text", "numbers", "parquet", "npz", "mat", "h5", "json"])
-def test_a_file_without_a_suffix_is_what_its_first_bytes_say(tmp_path: Path, kind: str) -> None:
+def test_format_of_a_file_without_suffix_follows_from_its_first_bytes(tmp_path: Path, kind: str) -> None:
     path, columns = tmp_path / "log", {"time": T, "joint1.position": np.sin(T)}
     if kind == "text":
         path.write_text("time joint1.position\n" + "\n".join(f"{a} {b}" for a, b in zip(*columns.values())))
@@ -102,13 +102,13 @@ def test_a_file_without_a_suffix_is_what_its_first_bytes_say(tmp_path: Path, kin
     np.testing.assert_allclose(values.ravel(), np.sin(T), rtol=1e-15)
 
 
-def test_a_bag_without_a_suffix_is_refused_with_the_name_it_needs(tmp_path: Path) -> None:
+def test_bag_without_a_suffix_is_rejected_with_the_required_name(tmp_path: Path) -> None:
     (tmp_path / "log").write_bytes(b"#ROSBAG V2.0\n")
     with pytest.raises(InputError, match=r"is a ROS bag without a suffix; call it log\.bag\."):
         read_raw(tmp_path / "log")
 
 
-def test_hdf5_is_read_in_its_own_shapes(tmp_path: Path) -> None:
+def test_hdf5_arrays_keep_their_shapes(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["robot/time"] = T
         file.create_dataset("robot/q", data=STATE, compression="gzip", chunks=(16, 3))
@@ -142,7 +142,7 @@ def test_joined_files_with_equal_headers_and_names_that_follow_the_recording(tmp
             np.testing.assert_allclose(recording[f"joint1.{quantity}"], factor * np.sin(T) + factor)
 
 
-def test_each_recording_has_the_map_beside_it(
+def test_each_recording_uses_the_map_next_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = 'time = {{ rate = 100 }}\n[channels."joint1.position"]\nsource = "x"\nscale = {}'

@@ -76,7 +76,7 @@ def test_product_terms_and_signed_bits(tmp_path: Path) -> None:
     assert load_constants(tmp_path / "raw.npz", mapping=mapping_from_toml(text)) == {"gain": 4.0}
 
 
-def test_a_servo_gives_the_voltage_of_its_error_up_to_its_supply(tmp_path: Path) -> None:
+def test_servo_voltage_is_proportional_to_its_error_up_to_the_supply(tmp_path: Path) -> None:
     text = """
         [time]
         rate = 100.0
@@ -104,13 +104,13 @@ def test_a_channel_is_limited_after_its_scale(tmp_path: Path) -> None:
     torque = 2 * (np.sin(3 * T) + np.cos(T))
     np.testing.assert_allclose(recording["joint1.torque"], np.clip(torque, -1.5, 1.0), rtol=1e-14)
     mapping = mapping_from_toml(text)
-    said = in_words([Correction("joint1.torque", scale=-3.0)], mapping)
-    assert "scale = -6" in said
-    assert "clip = [-3, 4.5]" in said
+    message = in_words([Correction("joint1.torque", scale=-3.0)], mapping)
+    assert "scale = -6" in message
+    assert "clip = [-3, 4.5]" in message
 
 
 @pytest.mark.parametrize("bits", [2, 8, 16])
-def test_signed_bits_are_twos_complement_at_both_ends(tmp_path: Path, bits: int) -> None:
+def test_signed_bits_are_twos_complement_up_to_the_limits(tmp_path: Path, bits: int) -> None:
     """The largest positive number is followed by the most negative one, and all ones are -1."""
     half = 2 ** (bits - 1)
     logged = np.tile([0, half - 1, half, 2 * half - 1], N // 4)
@@ -125,7 +125,7 @@ def test_signed_bits_are_twos_complement_at_both_ends(tmp_path: Path, bits: int)
     np.testing.assert_array_equal(recording["joint1.current"][:4], [0, half - 1, -half, -1])
 
 
-def test_low_pass_is_undone(tmp_path: Path) -> None:
+def test_low_pass_of_a_map_is_inverted(tmp_path: Path) -> None:
     """The exact answer of the filter to two sines, from the start of the recording on: transients too."""
     time = np.arange(2000) / 500.0
     w, d = 2 * np.pi * 2.0, 0.9
@@ -143,7 +143,7 @@ def test_low_pass_is_undone(tmp_path: Path) -> None:
     assert np.abs(filtered - before).max() > 0.5
 
 
-def test_window_keeps_what_lies_inside(tmp_path: Path) -> None:
+def test_window_keeps_the_samples_inside(tmp_path: Path) -> None:
     text = """
         window = [0.5, 1.25]
         time = { rate = 100.0 }
@@ -187,13 +187,13 @@ def test_a_part_of_a_file(tmp_path: Path) -> None:
         ("one:2", "two instants in seconds are expected"),
     ],
 )
-def test_a_part_that_is_none(tmp_path: Path, part: str, sentence: str) -> None:
+def test_invalid_part_of_a_file_is_rejected(tmp_path: Path, part: str, sentence: str) -> None:
     np.savez(tmp_path / "raw.npz", **{"time": T, "joint1.position": np.sin(T)})
     with pytest.raises(InputError, match=sentence):
         load_recording(tmp_path / f"raw.npz@{part}")
 
 
-def test_a_file_whose_name_looks_like_a_part(tmp_path: Path) -> None:
+def test_file_name_that_looks_like_a_part_is_read(tmp_path: Path) -> None:
     np.savez(tmp_path / "raw.npz", **{"time": T, "joint1.position": np.sin(T)})
     (tmp_path / "raw.npz").rename(tmp_path / "log@0:1.npz")
     assert len(load_recording(tmp_path / "log@0:1.npz")) == N
@@ -201,14 +201,14 @@ def test_a_file_whose_name_looks_like_a_part(tmp_path: Path) -> None:
         load_recording(tmp_path / "other.npz@0:1")
 
 
-def test_low_pass_without_a_frequency_is_refused() -> None:
+def test_low_pass_without_a_frequency_is_rejected() -> None:
     with pytest.raises(InputError, match="frequency"):
         mapping_from_toml(TIME + ONE + 'source = "q"\nlow_pass = { damping_ratio = 1.0 }')
     with pytest.raises(InputError, match="did you mean 'damping_ratio'"):
         mapping_from_toml(TIME + ONE + 'source = "q"\nlow_pass = { frequency = 1.0, damping = 1.0 }')
 
 
-def test_delay_is_taken_back(tmp_path: Path) -> None:
+def test_delay_of_a_map_is_corrected(tmp_path: Path) -> None:
     """A channel recorded 25 ms late is set right, and rows without it are cut off."""
     late = 0.025
     text = f"""
@@ -228,7 +228,7 @@ def test_delay_is_taken_back(tmp_path: Path) -> None:
     assert T[-1] - recording.time[-1] == pytest.approx(0.03)
 
 
-def test_a_channel_with_its_own_instants(tmp_path: Path) -> None:
+def test_channel_with_its_own_time_stamps(tmp_path: Path) -> None:
     slow = np.arange(0.105, 1.8, 0.05)
     text = """
         [time]
@@ -245,7 +245,7 @@ def test_a_channel_with_its_own_instants(tmp_path: Path) -> None:
     assert recording.time[0] == pytest.approx(0.11)
 
 
-def test_a_gauge_of_a_slower_clock_is_read_at_its_own_instants(tmp_path: Path) -> None:
+def test_slower_channel_is_read_at_its_own_time_stamps(tmp_path: Path) -> None:
     """In between are no samples: what is interpolated there was not measured."""
     slow = T[3::10] + 0.002  # a fifth of a sample late
     text = """
@@ -269,7 +269,7 @@ def test_a_gauge_of_a_slower_clock_is_read_at_its_own_instants(tmp_path: Path) -
     assert finding.severity == "note"
 
 
-def test_noise_of_a_slower_clock_is_estimated_from_its_own_samples() -> None:
+def test_noise_of_a_slower_clock_uses_its_own_samples() -> None:
     time = np.arange(4000) * 1e-3
     noisy = np.sin(time) + 0.01 * np.random.default_rng(5).standard_normal(time.size)
     recording = Recording(time, {"link1.strain.1": np.where(np.arange(time.size) % 10 == 0, noisy, np.nan)})
@@ -290,7 +290,7 @@ def test_invalid_samples_become_missing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["nanoseconds", "datetime", "text"])
-def test_time_stamps_of_today_keep_their_digits(tmp_path: Path, form: str) -> None:
+def test_unix_time_stamps_keep_their_precision(tmp_path: Path, form: str) -> None:
     """Nanoseconds since 1970 do not fit into a float; the start must be subtracted first."""
     ns = 1_768_469_290_123_456_789 + 10_000_003 * np.arange(N)
     stamps = {
@@ -311,7 +311,7 @@ def test_time_stamps_of_today_keep_their_digits(tmp_path: Path, form: str) -> No
     np.testing.assert_allclose(recording.time, 0.010000003 * np.arange(N), rtol=1e-15, atol=0)
 
 
-def test_files_that_belong_together(tmp_path: Path) -> None:
+def test_several_files_form_one_recording(tmp_path: Path) -> None:
     np.savez(tmp_path / "one.npz", t=T, a=np.sin(T))
     np.savez(tmp_path / "two.npz", b=np.cos(T))
     mapping = mapping_from_toml("""
@@ -399,7 +399,7 @@ def test_one_of_several_records_in_a_file(tmp_path: Path) -> None:
         load(tmp_path, text.format(""), **raw)
 
 
-def test_equal_stamps_are_spread_up_to_the_next(tmp_path: Path) -> None:
+def test_equal_time_stamps_are_spread_up_to_the_next(tmp_path: Path) -> None:
     """Rows at 450 Hz under a clock of 15.625 ms: the stamp is the tick before the row."""
     rows = np.arange(900) / 450.0
     stamps = np.floor(rows / 0.015625) * 0.015625
@@ -500,7 +500,7 @@ ONE = '[channels."joint1.position"]\n'
         (TIME + '[channels.position]\nsource = "q"', "written PLACE.QUANTITY"),
     ],
 )
-def test_a_wrong_mapping_is_explained(text: str, sentence: str) -> None:
+def test_invalid_mapping_gives_an_explanation(text: str, sentence: str) -> None:
     with pytest.raises(InputError) as caught:
         mapping_from_toml(text, source="map.toml")
     assert sentence in str(caught.value)
@@ -529,7 +529,7 @@ def test_a_wrong_mapping_is_explained(text: str, sentence: str) -> None:
         ("[time]\nsource = 'words'\n" + ONE + 'source = "q"', "where a number is expected"),
     ],
 )
-def test_a_mapping_that_does_not_fit_the_file(tmp_path: Path, text: str, sentence: str) -> None:
+def test_mapping_that_does_not_match_the_file_is_rejected(tmp_path: Path, text: str, sentence: str) -> None:
     raw = {"q": np.sin(T), "table": np.zeros((3, N)), "short": T[:60], "words": np.array(["x"] * N)}
     raw["one"] = np.array(3.0)
     with pytest.raises(InputError) as caught:
@@ -538,7 +538,7 @@ def test_a_mapping_that_does_not_fit_the_file(tmp_path: Path, text: str, sentenc
     assert "raw.npz" in str(caught.value)
 
 
-def test_suggestions_are_keys_that_may_stand_there() -> None:
+def test_suggestions_are_valid_keys() -> None:
     """`delay` belongs to a channel, not to one of its terms."""
     with pytest.raises(InputError) as caught:
         mapping_from_toml(TIME + ONE + 'terms = [{ source = "q", delay = 1.0 }]')
@@ -552,7 +552,7 @@ def test_missing_mapping_file(tmp_path: Path, name: str) -> None:
         load_mapping(tmp_path / name)
 
 
-def test_dotted_words_in_text_and_comments_are_no_keys(tmp_path: Path) -> None:
+def test_dotted_words_in_text_and_comments_are_not_keys(tmp_path: Path) -> None:
     words = "a." * 50 + "b"
     text = f'# {words}\ndescription = """{words}\n{words}"""\n{TIME}{ONE}source = "{words}"\n'
     assert mapping_from_toml(text).sources() == {words}
@@ -567,7 +567,7 @@ def test_mapping_with_a_byte_order_mark_and_other_line_ends(tmp_path: Path) -> N
     assert load_mapping(path).sources() == {"q"}
 
 
-def test_what_is_cut_off_at_the_ends_is_said(tmp_path: Path) -> None:
+def test_samples_cut_off_at_the_ends_are_reported(tmp_path: Path) -> None:
     text = """
         [time]
         source = "t"

@@ -1,4 +1,4 @@
-"""Names of channels: places as robots name their parts, and nothing that is a number."""
+"""Names of channels: places as in robot files, but no numbers."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from missing_physics.recordings.channels.names import is_dotted, is_native
 
 
 @pytest.mark.parametrize("place", ["joint1", "shoulder_pan_joint", "3dof", "_hidden", "a-b", "7"])
-def test_places(place: str) -> None:
+def test_places_of_channel_names_are_parsed(place: str) -> None:
     assert is_native(f"{place}.position")
     assert is_native(f"{place}.tip_acceleration.x")
 
 
 @pytest.mark.parametrize("name", ["1.5", "1.5e-3", "-2.0", "1.2.3", "position", "a.b.c.d", ".position", ""])
-def test_what_is_no_name(name: str) -> None:
+def test_invalid_channel_names_are_rejected(name: str) -> None:
     assert not is_dotted(name)
 
 

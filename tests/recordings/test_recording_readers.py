@@ -1,4 +1,4 @@
-"""Every reader gives the numbers that were written, whatever the form."""
+"""Every reader returns the written numbers, for any form of the file."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_native_names_need_no_mapping(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
-def test_what_is_written_is_read_back_exactly(tmp_path: Path, swing: Recording, suffix: str) -> None:
+def test_written_recordings_are_read_back_exactly(tmp_path: Path, swing: Recording, suffix: str) -> None:
     noisy = Recording(
         time=swing.time * (1 + 1e-9),
         channels={**swing.channels, "joint1.temperature": np.where(swing.time < 1, np.nan, 293.15)},
@@ -139,7 +139,7 @@ def test_spaces_between_cells(tmp_path: Path, header: str) -> None:
 
 
 @pytest.mark.parametrize("header", ["", "a\tb\n", "a\tb\t\n"])
-def test_a_delimiter_that_ends_every_row_makes_no_column(tmp_path: Path, header: str) -> None:
+def test_trailing_delimiters_make_no_column(tmp_path: Path, header: str) -> None:
     path = tmp_path / "a.txt"
     path.write_text(header + "".join(f"{i}\t{-i}\t\n" for i in range(N)))
     raw = read_raw(path)
@@ -147,7 +147,7 @@ def test_a_delimiter_that_ends_every_row_makes_no_column(tmp_path: Path, header:
     np.testing.assert_array_equal(raw[raw.names[1]], -np.arange(N))
 
 
-def test_an_empty_last_cell_is_no_delimiter_at_the_end(tmp_path: Path) -> None:
+def test_empty_last_cell_is_not_a_trailing_delimiter(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("a,b\n1,\n2,3\n")
     np.testing.assert_array_equal(read_raw(path)["b"], [np.nan, 3.0])
@@ -172,7 +172,7 @@ def test_csv_with_a_header_of_a_quarter_megabyte(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording["joint1.torque"], COLUMNS["joint1.torque"])
 
 
-def test_csv_with_a_line_beyond_all_measure(tmp_path: Path) -> None:
+def test_csv_with_an_extremely_long_line_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x" * 2**24)
     with pytest.raises(InputError, match="a line of more than 17 million characters"):
         load_recording(tmp_path / "a.csv")
@@ -208,7 +208,7 @@ def test_cells_that_are_empty_are_missing(tmp_path: Path) -> None:
     assert np.isnan(values).sum() == sum(1 for i in range(N) if i % 7)
 
 
-def test_text_names_file_column_and_row(tmp_path: Path) -> None:
+def test_text_cell_is_reported_with_file_column_and_row(tmp_path: Path) -> None:
     rows = [f"{i / 100},{'overload' if i == 40 else i}" for i in range(N)]
     path = tmp_path / "a.csv"
     path.write_text("time,joint1.position\n" + "\n".join(rows))
@@ -217,14 +217,14 @@ def test_text_names_file_column_and_row(tmp_path: Path) -> None:
         load_recording(path)
 
 
-def test_text_in_a_column_that_is_not_used_does_no_harm(tmp_path: Path) -> None:
+def test_text_in_an_unused_column_is_ignored(tmp_path: Path) -> None:
     rows = [f"{i / 100},{i % 9},ok" for i in range(N)]
     path = tmp_path / "a.csv"
     path.write_text("time,joint1.position,remark\n" + "\n".join(rows))
     assert list(load_recording(path)) == ["joint1.position"]
 
 
-def test_numbers_that_no_sensor_resolves_are_nothing(tmp_path: Path) -> None:
+def test_numbers_below_any_sensor_resolution_become_zero(tmp_path: Path) -> None:
     """Squares of squares of them would vanish; a coarse number beside them stays as it is."""
     path = tmp_path / "a.csv"
     rows = [f"{k / 100},{1e-160 * k},{1e-59 * k},{np.nan if k == 7 else 3}" for k in range(60)]
@@ -243,7 +243,7 @@ def test_ragged_row_is_named(tmp_path: Path) -> None:
         load_recording(path)
 
 
-def test_numbers_that_become_wider_down_the_file(tmp_path: Path) -> None:
+def test_number_types_that_widen_along_the_file_are_read(tmp_path: Path) -> None:
     """Types are inferred from a first block; a later block must not be cut to them."""
     count = 200_000
     values = np.zeros(count)
@@ -291,7 +291,7 @@ def test_matlab_shapes_and_structures(tmp_path: Path) -> None:
     assert "t" not in five.variables
 
 
-def test_misspelt_channel_is_an_error_with_a_suggestion(tmp_path: Path) -> None:
+def test_misspelt_channel_is_rejected_with_a_suggestion(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", time=TIME, **{"joint1.positon": TIME})
     with pytest.raises(InputError, match=r"did you mean 'joint1\.position'\?"):
         load_recording(tmp_path / "a.npz")

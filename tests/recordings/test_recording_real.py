@@ -1,4 +1,4 @@
-"""The public real recordings through the shipped mapping files, held against what is published."""
+"""Public real recordings with the shipped maps, compared with publications."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def slope(x: np.ndarray, y: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("file", ALL)
-def test_no_error_in_any(real: Path, examples: Path, file: str) -> None:
+def test_real_recordings_have_no_errors(real: Path, examples: Path, file: str) -> None:
     recording = load(real, examples, file)
     assert not [f.sentence for f in check(recording) if f.severity == "error"]
     assert len(recording) > 1000
@@ -122,7 +122,7 @@ def test_quanser_signs_and_units(real: Path, examples: Path, file: str) -> None:
     assert steps["joint2.position"] == pytest.approx(2 * np.pi / 4096 / 50, rel=1e-6)
 
 
-def test_servo_voltage_is_what_its_controller_commands(real: Path, examples: Path) -> None:
+def test_servo_voltage_equals_its_controller_command(real: Path, examples: Path) -> None:
     """Duty = kp e (goal - position), clipped, with the published e; the log's PWM register must say so."""
     mapping = load_mapping(examples / "servo_pendulum/map.toml")
     for file in (f for f in ALL if f.startswith("servo")):

@@ -1,4 +1,4 @@
-"""Tables in memory become the recording that the same table in a file would be."""
+"""Tables in memory become the same recording as in a file."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_every_table_gives_the_same_recording(kind: str) -> None:
         np.testing.assert_array_equal(recording[name], COLUMNS[name])
 
 
-def test_a_table_may_change_afterwards() -> None:
+def test_recording_does_not_change_with_its_table() -> None:
     data = {name: values.copy() for name, values in COLUMNS.items()}
     recording = recording_from_table(data, check=False)
     data["joint1.position"][:] = 7.0
@@ -97,7 +97,7 @@ def test_a_mapping_picks_columns_of_arrays(data: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "options", "said"),
+    ("data", "options", "message"),
     [
         (7, {}, "run is of type int, which is no table; give a data frame"),
         ({}, {}, "run has no columns"),
@@ -113,14 +113,14 @@ def test_a_mapping_picks_columns_of_arrays(data: Any) -> None:
     ],
     ids=lambda value: str(value)[:20].split("\n")[0] if isinstance(value, str) else "",
 )
-def test_what_is_no_recording_is_one_sentence(data: Any, options: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError) as refused:
+def test_invalid_tables_give_one_sentence(data: Any, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as error:
         recording_from_table(data, name="run", **options)
-    assert said in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
 
 
-def test_a_mapping_for_files_is_refused() -> None:
+def test_mapping_for_files_is_rejected_for_tables() -> None:
     mapping = mapping_from_toml('join = ["b.csv"]\ntime = { rate = 100 }')
     with pytest.raises(InputError, match="run is no file; take join"):
         recording_from_table(COLUMNS, mapping=mapping, name="run")
@@ -142,15 +142,15 @@ values = st.one_of(
 def test_anything_gives_a_recording_or_one_sentence(data: Any) -> None:
     try:
         recording_from_table(data)
-    except InputError as refused:
-        sentence = str(refused)
+    except InputError as error:
+        sentence = str(error)
     else:
         return
     assert "\n" not in sentence
     assert sentence.endswith((".", "?"))
 
 
-def test_no_data_frame_is_loaded_that_is_not_used() -> None:
+def test_unused_data_frame_libraries_are_not_loaded() -> None:
     frames = "{'narwhals', 'pandas', 'polars', 'xarray'}"
     code = f"import sys, missing_physics.recordings; sys.exit(bool({frames} & sys.modules.keys()))"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

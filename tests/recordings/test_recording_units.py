@@ -1,4 +1,4 @@
-"""Units in maps: factor and shift to SI, and one sentence where a unit is of something else."""
+"""Units in maps: factor and shift to SI, and one sentence for a unit of another quantity."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_the_unit_of_a_derivative_is_that_of_its_variable(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("channel", "unit", "said"),
+    ("channel", "unit", "message"),
     [
         ("joint1.torque", "A", "'A' is no unit of joint1.torque, which is in N m or N; joint1.current would"),
         ("joint1.position", "deg/s", "which is in rad or m; joint1.velocity would have it"),
@@ -89,14 +89,14 @@ def test_the_unit_of_a_derivative_is_that_of_its_variable(tmp_path: Path) -> Non
         ("joint1.position", "a" * 41, "is no unit"),
     ],
 )
-def test_a_unit_of_something_else(channel: str, unit: str, said: str) -> None:
-    with pytest.raises(InputError) as refused:
+def test_unit_of_another_quantity_is_rejected(channel: str, unit: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
         mapping_from_toml('prismatic = ["joint2"]\n' + RATE + entry(channel, unit), source="map.toml")
-    assert said in str(refused.value)
-    assert str(refused.value).startswith("map.toml: ")
+    assert message in str(error.value)
+    assert str(error.value).startswith("map.toml: ")
 
 
-def test_a_unit_of_time_is_one() -> None:
+def test_unit_of_another_quantity_is_rejected_for_time() -> None:
     with pytest.raises(InputError, match="time: 'deg' is no unit of time; give one such as s, ms or us"):
         mapping_from_toml('[time]\nsource = "t"\nunit = "deg"')
 
@@ -108,6 +108,6 @@ def test_any_text_is_a_unit_or_refused(text: str) -> None:
         mapping_from_toml(RATE + entry("joint1.position", unit), source="map.toml")
 
 
-def test_units_cost_nothing_where_no_map_names_one() -> None:
+def test_unit_library_is_not_loaded_without_units_in_a_map() -> None:
     code = "import sys, missing_physics.recordings; sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

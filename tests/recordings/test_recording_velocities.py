@@ -1,4 +1,4 @@
-"""Velocities against positions: what is not the derivative is named, what is only noisy is not accused."""
+"""Velocities against positions: wrong derivatives are reported, noisy ones are not."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def errors(made: Recording, *, robot: bool = False) -> list[Finding]:
 
 @pytest.mark.parametrize("factor", [GEAR, 1 / GEAR])
 @pytest.mark.parametrize("noise", [1e-4, 0.3])
-def test_a_velocity_of_the_motors_side_is_named_by_the_gear(factor: float, noise: float) -> None:
+def test_motor_side_velocity_is_recognised_by_the_gear_ratio(factor: float, noise: float) -> None:
     velocity = factor * (motion(TIME)[1] + noise * default_rng(1).standard_normal(TIME.size))
     [found] = errors(recording(velocity), robot=True)
     assert (found.kind, found.channel) == ("gear_ratio", V)
@@ -48,7 +48,7 @@ def test_a_velocity_of_the_motors_side_is_named_by_the_gear(factor: float, noise
 
 @pytest.mark.parametrize("factor", [0.3, 0.6, 1.4, 3.0, 20.0, 160.0])
 @pytest.mark.parametrize("noise", [1e-4, 0.5])
-def test_any_other_factor_is_an_error(factor: float, noise: float) -> None:
+def test_other_factor_of_a_velocity_is_an_error(factor: float, noise: float) -> None:
     """The noise is as large as the motion: its rms is 0.6 rad/s."""
     velocity = factor * (motion(TIME)[1] + noise * default_rng(2).standard_normal(TIME.size)) + 0.2
     [found] = errors(recording(velocity))
@@ -80,7 +80,7 @@ def test_a_velocity_that_is_not_the_derivative_is_an_error(which: str) -> None:
     assert "leave it out" in found.sentence
 
 
-def test_a_velocity_of_another_joint_is_named_by_it() -> None:
+def test_velocity_of_another_joint_is_recognised() -> None:
     q, v = motion(TIME, size=0.4, pace=1.37)
     made = recording(v).with_channels({"joint2.position": q, "joint2.velocity": v})
     [found] = errors(made)
@@ -126,13 +126,13 @@ HONEST = honest()
 
 
 @pytest.mark.parametrize("which", HONEST)
-def test_what_is_only_noisy_is_not_accused(which: str) -> None:
+def test_noisy_velocity_is_not_reported(which: str) -> None:
     position, velocity = HONEST[which]
     assert errors(recording(velocity, position)) == []
 
 
 @pytest.mark.parametrize("draws", [12, pytest.param(40, marks=pytest.mark.proof)])
-def test_chance_accuses_nobody(draws: int) -> None:
+def test_random_velocities_are_not_reported(draws: int) -> None:
     """Draws of noise as large as the motion, and of four times that."""
     q, v = motion(TIME)
     for seed in range(draws):

@@ -1,4 +1,4 @@
-"""Parts of a whole in words that nobody has to decode."""
+"""Readable fractions."""
 
 from __future__ import annotations
 

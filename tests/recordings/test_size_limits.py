@@ -1,4 +1,4 @@
-"""Files that unpack to far more than they take: refused by what they declare, unless the limit is raised."""
+"""Files with an excessive unpacked size are rejected by their declared size, unless the limit is raised."""
 
 from __future__ import annotations
 
@@ -119,19 +119,21 @@ BOMBS: dict[str, tuple[str, Callable[[Path], None]]] = {
 
 
 @pytest.mark.parametrize("kind", BOMBS)
-def test_what_a_file_declares_is_held_against_the_limit(tmp_path: Path, kind: str) -> None:
+def test_declared_sizes_are_checked_against_the_limit(tmp_path: Path, kind: str) -> None:
     name, make = BOMBS[kind]
     make(tmp_path / name)
     with pytest.raises(InputError) as refused:
         read_raw(tmp_path / name, budget=Budget(0.15 * TAKEN))
-    said = str(refused.value)
-    assert name in said
-    assert "at most 0.00048 GB are read: keep fewer samples or columns, or allow more (--size-limit" in said
+    message = str(refused.value)
+    assert name in message
+    assert (
+        "at most 0.00048 GB are read: keep fewer samples or columns, or allow more (--size-limit" in message
+    )
     assert read_raw(tmp_path / name).variables
 
 
 @pytest.mark.parametrize("kind", ["Parquet", "NPZ", "MAT 5", "MAT 7.3", "CSV"])
-def test_the_limit_is_what_the_numbers_take(tmp_path: Path, kind: str) -> None:
+def test_size_limit_counts_the_memory_of_the_numbers(tmp_path: Path, kind: str) -> None:
     name, make = BOMBS[kind]
     make(tmp_path / name)
     slack = 1.1  # chunks of HDF5 are rounded up
@@ -141,7 +143,7 @@ def test_the_limit_is_what_the_numbers_take(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.parquet", "a.npz", "a.mat"])
-def test_columns_that_are_not_read_take_nothing(tmp_path: Path, name: str) -> None:
+def test_unread_columns_do_not_count(tmp_path: Path, name: str) -> None:
     wide = {f"other{k}": ZEROS for k in range(9)} | {"time": TIME}
     path = tmp_path / name
     if name == "a.mat":
@@ -211,7 +213,7 @@ def mat73_of_another_file(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "make", "said"),
+    ("name", "make", "message"),
     [
         ("a.npz", npz_of_a_lie, "truncated or damaged"),
         ("a.mat", mat5_of_a_lie, "declares time with 1 x 500000000 entries, which takes 4 GB of memory"),
@@ -221,13 +223,13 @@ def mat73_of_another_file(path: Path) -> None:
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
-def test_what_is_not_there_is_not_made_room_for(
-    tmp_path: Path, name: str, make: Callable[[Path], None], said: str
+def test_declared_but_absent_data_are_not_allocated(
+    tmp_path: Path, name: str, make: Callable[[Path], None], message: str
 ) -> None:
     make(tmp_path / name)
     tracemalloc.start()
     try:
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             load_recording(tmp_path / name)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
@@ -257,13 +259,13 @@ def test_the_commands_take_a_limit_in_gigabytes(
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == code
-    assert ("which takes 0.00112 GB of memory" in (said := capsys.readouterr().err)) == bool(code)
-    assert said.count("\n") == bool(code)
+    assert ("which takes 0.00112 GB of memory" in (message := capsys.readouterr().err)) == bool(code)
+    assert message.count("\n") == bool(code)
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
-def test_a_limit_that_is_none(tmp_path: Path, limit: float) -> None:
+def test_invalid_size_limit_is_rejected(tmp_path: Path, limit: float) -> None:
     np.savez(tmp_path / "a.npz", time=TIME)
     with pytest.raises(InputError, match="give more than 0"):
         load_recording(tmp_path / "a.npz", size_limit=limit)
@@ -279,7 +281,7 @@ def test_a_limit_that_is_none(tmp_path: Path, limit: float) -> None:
     ],
     ids=lambda error: type(error).__name__,
 )
-def test_too_little_memory_is_no_damage(tmp_path: Path, error: Exception) -> None:
+def test_lack_of_memory_is_not_reported_as_damage(tmp_path: Path, error: Exception) -> None:
     source = Source(tmp_path / "a.npz", "a.npz", ".npz", Budget())
     with pytest.raises(OutOfMemoryError) as told, reading(source, "NPZ"):
         raise error

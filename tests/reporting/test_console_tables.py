@@ -1,4 +1,4 @@
-"""Tables of the terminal: whatever its width, numbers stand whole and names can be read."""
+"""Tables in the terminal: numbers and names are readable at any width."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def shown(width: int, **options: object) -> str:
 
 @pytest.mark.parametrize("width", range(20, 90, 5))
 @pytest.mark.parametrize("headings", [(), ("", "truth", "found", "")])
-def test_numbers_are_never_cut(width: int, headings: tuple[str, ...]) -> None:
+def test_numbers_in_tables_are_never_cut(width: int, headings: tuple[str, ...]) -> None:
     text = shown(width, headings=headings)
     assert all(number in text for number in NUMBERS)
     assert "…" not in text
@@ -29,7 +29,7 @@ def test_numbers_are_never_cut(width: int, headings: tuple[str, ...]) -> None:
     assert "base.angular_velocity.x" in "".join(line.strip().split("  ")[0] for line in text.splitlines())
 
 
-def test_a_narrow_terminal_does_without_a_column_before_it_does_without_the_table() -> None:
+def test_narrow_terminal_drops_columns_before_the_table() -> None:
     wide, narrow = shown(60, expendable=(2,)), shown(34, expendable=(2,))
     assert "1.27e-12" in wide
     assert "1.27e-12" not in narrow

@@ -14,7 +14,7 @@ from missing_physics.reporting.crosscheck.words import groups, share_text
 from robot_model import InputError, Recording, load_robot
 
 
-def test_numbers_of_a_difference() -> None:
+def test_difference_statistics_are_correct() -> None:
     time = np.array([0.0, 1.0, 2.0, 3.0])
     arm = load_robot("single_axis")
     first = Recording(
@@ -50,7 +50,7 @@ def test_the_band_of_a_second_order_engine_is_three_times_its_error() -> None:
     assert "All 19 channels stay inside" in verdict_lines(found)[-1]
 
 
-def test_a_difference_of_modelling_leaves_the_band() -> None:
+def test_modelling_difference_exceeds_the_band() -> None:
     first, second, coarse = recordings()
     wrong = second.with_channels({"joint2.torque": second["joint2.torque"] + 1e-3})
     wrong_too = coarse.with_channels({"joint2.torque": coarse["joint2.torque"] + 1e-3})
@@ -71,7 +71,7 @@ def test_bands_of_several_engines_add_up() -> None:
     assert np.allclose(two.bands["robot.energy"], 2 * one.bands["robot.energy"], rtol=1e-3)
 
 
-def test_momenta_that_cancel_have_the_scale_of_their_parts() -> None:
+def test_cancelling_momenta_are_scaled_by_their_parts() -> None:
     first, second, coarse = recordings()
     still = {"robot.linear_momentum.x": np.zeros(len(first))}
     noise = {"robot.linear_momentum.x": np.full(len(first), 1e-8)}  # of a tonne at some m/s, 1e-10 of 2e3
@@ -111,11 +111,11 @@ def test_table_has_every_channel_in_groups_and_the_verdict_at_its_end() -> None:
 @pytest.mark.parametrize(
     ("share", "text"), [(0.33, "33 %"), (0.0021, "0.21 %"), (3.9e-4, "390 ppm"), (2e-8, "2.0e-08")]
 )
-def test_shares_read_as_people_say_them(share: float, text: str) -> None:
+def test_fractions_are_formatted_readably(share: float, text: str) -> None:
     assert share_text(share) == text
 
 
-def test_the_worst_is_what_leaves_its_band_by_most_and_not_the_largest_share_of_a_range() -> None:
+def test_worst_channel_is_that_with_the_largest_excess_over_its_band() -> None:
     found = comparison()
     by_share = max(found.differences, key=lambda item: item.relative_largest or 0.0)
     other = next(item for item in found.differences if item is not by_share and item.extent > 0)
@@ -131,7 +131,7 @@ def test_the_worst_is_what_leaves_its_band_by_most_and_not_the_largest_share_of_
     assert without.channel == by_share.channel
 
 
-def test_report_holds_what_the_table_says() -> None:
+def test_crosscheck_report_contains_the_table() -> None:
     found = comparison()
     told = report(robot(), found, {"reference": {"rtol": 1e-10}})
     assert told["worst"] == found.worst.channel  # type: ignore[union-attr]
@@ -145,7 +145,7 @@ def test_report_holds_what_the_table_says() -> None:
     assert bare["channels"]["joint1.position"]["bound"] is None
 
 
-def test_the_page_names_every_key() -> None:
+def test_crosscheck_page_documents_every_key() -> None:
     page = (Path(__file__).parents[2] / "docs" / "crosscheck.md").read_text("utf-8")
     told = report(robot(), comparison(), {"reference": {}, "exudyn": {}})
     row = told["channels"]["joint1.position"]

@@ -91,7 +91,7 @@ def test_every_series_reads_back_value_by_value(path: Path, found: Comparison) -
             assert np.allclose(columns[place]["time"], found.reference.time, rtol=0, atol=NANOSECOND)
 
 
-def test_lanes_change_where_the_joint_stops_and_turns(path: Path, found: Comparison) -> None:
+def test_lanes_change_at_stops_and_reversals(path: Path, found: Comparison) -> None:
     lane = read(path)["/friction/joint1/reference"]
     velocity = found.reference["joint1.velocity"]
     states = friction_states(velocity)
@@ -103,7 +103,7 @@ def test_lanes_change_where_the_joint_stops_and_turns(path: Path, found: Compari
     assert told == ["sticks", "slips forwards", "slips backwards"]
 
 
-def test_both_robots_move_as_their_engines_say(path: Path, found: Comparison) -> None:
+def test_both_drawn_robots_follow_their_simulations(path: Path, found: Comparison) -> None:
     columns = read(path)
     drawn = scene(robot(), {"reference": found.reference, "exudyn": found.exudyn})
     for engine, recording in (("reference", found.reference), ("exudyn", found.exudyn)):
@@ -121,9 +121,7 @@ def test_both_robots_move_as_their_engines_say(path: Path, found: Comparison) ->
         assert np.allclose(tips, strips[:, -1], atol=SINGLE)
 
 
-def test_deflections_are_drawn_with_the_factor_that_the_view_and_the_words_name(
-    path: Path, found: Comparison
-) -> None:
+def test_deflections_are_drawn_with_the_stated_magnification(path: Path, found: Comparison) -> None:
     drawn = scene(robot(), {"reference": found.reference, "exudyn": found.exudyn})
     # Largest deflection sqrt(1 + 4) mm of 6 m; 0.12 of 6 m is 322 times as much.
     assert drawn.factor == 200.0
@@ -137,7 +135,7 @@ def test_deflections_are_drawn_with_the_factor_that_the_view_and_the_words_name(
     assert "to scale" in scene_title(scene(robot(), {"reference": still, "exudyn": still}))
 
 
-def test_the_eye_sees_everything_that_is_drawn(found: Comparison) -> None:
+def test_camera_sees_all_drawn_geometry(found: Comparison) -> None:
     drawn = scene(robot(), {"reference": found.reference, "exudyn": found.exudyn})
     for drawing in drawn.drawings.values():
         placed = drawing.poses
@@ -148,7 +146,7 @@ def test_the_eye_sees_everything_that_is_drawn(found: Comparison) -> None:
             assert np.abs(drawn.eye.seen(points.reshape(-1, 3))).max() <= 1.0
 
 
-def test_what_is_drawn_fills_the_picture_to_one_of_its_edges(found: Comparison) -> None:
+def test_drawn_geometry_fills_the_view(found: Comparison) -> None:
     drawn = scene(robot(), {"reference": found.reference, "exudyn": found.exudyn})
     points = outline(robot(), tuple(drawn.drawings.values()))
     assert 0.8 < np.abs(drawn.eye.seen(points)).max() <= 0.9
@@ -158,11 +156,11 @@ def test_what_is_drawn_fills_the_picture_to_one_of_its_edges(found: Comparison) 
     arrays(float, (12, 3), elements=st.floats(-20.0, 20.0)),
     st.floats(0.01, 10.0),
 )
-def test_an_eye_sees_all_points_wherever_they_are(points: NDArray[np.float64], least: float) -> None:
+def test_camera_sees_all_points_at_any_position(points: NDArray[np.float64], least: float) -> None:
     assert np.abs(eye_on(points, least=least).seen(points)).max() <= 0.9
 
 
-def test_long_series_are_thinned_with_the_largest_difference_and_say_so(
+def test_long_series_are_thinned_keeping_the_largest_difference(
     tmp_path: Path, found: Comparison, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file, "MOST_SAMPLES", 100 * 5 * len(found.differences))
@@ -201,6 +199,6 @@ def test_a_rigid_robot_on_a_fixed_base_without_bands(tmp_path: Path) -> None:
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
-def test_lanes_do_not_wear_the_colours_of_the_engines() -> None:
+def test_lanes_use_other_colours_than_the_engines() -> None:
     engines = {palette.AFTER, *(SHADES[engine][0] for engine in ENGINES)}
     assert not engines & set(COLOURS.values())

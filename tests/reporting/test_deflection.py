@@ -1,4 +1,4 @@
-"""Bent links as drawn: a beam with a force at its tip, what it carries, and the magnification."""
+"""Drawn flexible links: a beam with a tip force, attached bodies, and the magnification."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BOOM = Link(
 )
 
 
-def test_the_line_is_that_of_a_cantilever_with_a_force_at_its_tip() -> None:
+def test_drawn_deflection_equals_a_cantilever_with_a_tip_force() -> None:
     """EI w'' = F (L - x) with w(0) = w'(0) = 0, integrated here by quadrature twice."""
     line = bent_line(BOOM, np.array([[0.05, 0.0, 0.0]]))[0]
     x = np.linspace(0.0, 2.0, 20001)
@@ -41,7 +41,7 @@ def test_the_line_is_that_of_a_cantilever_with_a_force_at_its_tip() -> None:
     assert np.allclose(line[-1], [0.05, 2.0, 0.0], atol=ROUNDING)
 
 
-def test_what_the_tip_carries_moves_and_turns_with_the_line() -> None:
+def test_bodies_at_the_tip_follow_the_deflection() -> None:
     moved = np.array([[0.01, 0.0, -0.02]])
     displacement, turn = held_by(BOOM, np.array([0.0, 2.0, 0.0]), moved)
     assert np.allclose(displacement, moved, atol=ROUNDING)
@@ -53,7 +53,7 @@ def test_what_the_tip_carries_moves_and_turns_with_the_line() -> None:
     assert np.allclose(turn[0], np.eye(3), atol=ROUNDING)
 
 
-def test_links_beyond_a_bent_link_are_drawn_on_its_tip() -> None:
+def test_links_after_a_bent_link_are_drawn_at_its_tip() -> None:
     hand = Link(name="hand", mass=1.0, inertia=(0.1, 0.1, 0.1))
     joints = (
         Joint(name="q1", parent="base", child="boom", origin=(0.0, 0.0, 1.0)),
@@ -68,7 +68,7 @@ def test_links_beyond_a_bent_link_are_drawn_on_its_tip() -> None:
     assert np.allclose(identity, np.eye(3), atol=ROUNDING)
 
 
-def test_a_free_base_carries_everything() -> None:
+def test_all_bodies_move_with_a_free_base() -> None:
     robot = load_robot("flexible_space_robot")
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     base = Poses(np.array([[1.0, 2.0, 3.0]]), turn[None])
@@ -78,12 +78,12 @@ def test_a_free_base_carries_everything() -> None:
         assert np.allclose(there[body].rotation[0], turn @ pose.rotation[0], atol=ROUNDING)
 
 
-def test_a_beam_counts_in_the_reach() -> None:
+def test_beam_length_counts_in_the_reach() -> None:
     assert reach(load_robot("flexible_space_robot")) == pytest.approx(12.0)  # 1 m base, 5 m link, 6 m beam
 
 
 @given(largest=st.floats(1e-9, 5.0))
-def test_magnification_makes_the_largest_deflection_plain_and_no_larger(largest: float) -> None:
+def test_magnification_makes_the_largest_deflection_visible(largest: float) -> None:
     moved = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, largest], [np.nan] * 3])
     factor = magnification((BOOM,), (moved,))
     assert factor >= 1.0
@@ -95,7 +95,7 @@ def test_magnification_makes_the_largest_deflection_plain_and_no_larger(largest:
         assert 2 * largest / 2.0 > SHOWN * (1 - 1e-9)
 
 
-def test_nothing_to_magnify() -> None:
+def test_rigid_motion_is_not_magnified() -> None:
     assert magnification((), ()) == 1.0
     assert magnification((BOOM,), (np.zeros((3, 3)),)) == 1.0
     with pytest.raises(InputError, match="'stick' is rigid"):

@@ -1,4 +1,4 @@
-"""Numbers for people: digits that the interval supports, never more certainty than there is."""
+"""Formatted numbers: digits supported by the interval, and no excess certainty."""
 
 from __future__ import annotations
 
@@ -75,11 +75,11 @@ def test_interval(value: float, interval: tuple[float, float], expected: tuple[s
     ("probability", "text"),
     [(1.0, "> 99.9 %"), (0.0, "< 0.1 %"), (0.97, "97 %"), (0.996, "99.6 %"), (0.02, "2.0 %")],
 )
-def test_probability_never_claims_certainty(probability: float, text: str) -> None:
+def test_probability_is_never_printed_as_certain(probability: float, text: str) -> None:
     assert probability_text(probability) == text
 
 
-def test_small_words() -> None:
+def test_percentages_p_values_and_lists_are_formatted() -> None:
     assert percent(0.833) == "83 %"
     assert percent(-0.03) == "-3.0 %"
     assert percent(-2e-4) == "0 %"  # as nothing is written, whatever its sign
@@ -90,7 +90,7 @@ def test_small_words() -> None:
     assert joined([]) == ""
 
 
-def test_a_rival_at_the_same_place_is_named_without_it() -> None:
+def test_rival_at_the_same_place_is_named_without_the_place() -> None:
     assert rival_text("torque_offset@joint2", "joint2") == "Torque offset"
     assert rival_text("torque_offset@joint1", "joint2") == "Torque offset at joint1"
     assert rival_text("torque_offset", "joint2") == "Torque offset"

@@ -1,4 +1,4 @@
-"""The HTML report: well formed, self-contained, inert to hostile names, and true to the result."""
+"""The HTML report: well formed, self-contained, escaped, and consistent with the result."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def page(result: Result) -> Page:
     return Page(render_html(result, two_link_arm()))
 
 
-def test_it_tells_the_story_top_down() -> None:
+def test_html_report_has_its_sections_in_order() -> None:
     page = Page(render_html(with_unnamed(drag()), two_link_arm()))
     anchors = [attributes["id"] for tag, attributes in page.elements if tag == "section"]
     assert anchors == [
@@ -97,7 +97,7 @@ def test_it_tells_the_story_top_down() -> None:
     assert len(anchors) == len(SECTIONS)
 
 
-def test_no_element_asks_for_anything(page: Page) -> None:
+def test_html_report_loads_no_external_resource(page: Page) -> None:
     for tag, attributes in page.elements:
         assert tag not in {"link", "iframe", "object", "embed", "img", "base", "form"}
         assert "src" not in attributes
@@ -110,7 +110,7 @@ def test_no_element_asks_for_anything(page: Page) -> None:
     assert "@import" not in text
 
 
-def test_policy_allows_only_the_two_scripts_of_the_page(page: Page) -> None:
+def test_content_policy_allows_only_the_scripts_of_the_page(page: Page) -> None:
     policy = next(
         str(a["content"]) for t, a in page.elements if a.get("http-equiv") == "Content-Security-Policy"
     )
@@ -122,7 +122,7 @@ def test_policy_allows_only_the_two_scripts_of_the_page(page: Page) -> None:
     assert "http" not in policy
 
 
-def test_numbers_are_those_of_the_result(page: Page, result: Result) -> None:
+def test_numbers_in_the_html_report_equal_the_result(page: Page, result: Result) -> None:
     text = page.text
     assert result.diagnosis.summary in text
     assert "Explained" in text
@@ -139,7 +139,7 @@ def test_numbers_are_those_of_the_result(page: Page, result: Result) -> None:
         assert rung.why in text
 
 
-def test_numbers_of_the_robot_file_that_moved_stand_on_the_first_screen(page: Page) -> None:
+def test_changed_file_parameters_are_at_the_top_of_the_report(page: Page) -> None:
     """With the verdict, before the first section on what differs; what may be right is not there."""
     moved = "joint2.viscous_friction.coefficient 1.310 [1.270, 1.350] N m s/rad, in the robot file 1.200"
     assert page.text.index(moved) < page.text.index("Changes sign with the velocity of joint2")
@@ -154,7 +154,7 @@ def test_every_picture_is_one_that_plotly_accepts(page: Page) -> None:
     assert drawn == set(page.figures)
 
 
-def test_drawn_series_hold_the_samples_of_the_result(page: Page, result: Result) -> None:
+def test_drawn_series_equal_the_samples_of_the_result(page: Page, result: Result) -> None:
     figure = page.figures["time-0-spec"]
     series = next(s for s in result.series if s.channel == "joint2.torque" and s.role == "train")
     lines = {item["name"]: item for item in figure["data"]}  # type: ignore[attr-defined]
@@ -173,7 +173,7 @@ def test_drawn_series_hold_the_samples_of_the_result(page: Page, result: Result)
 
 
 @pytest.mark.parametrize("name", [HOSTILE, "<script>", "</script>", "<!--", "{{ 7*7 }}", "joint'\"2"])
-def test_names_are_inert(name: str) -> None:
+def test_names_are_escaped_in_the_report(name: str) -> None:
     page = Page(render_html(hidden_friction(seconds=2.0, name=name), two_link_arm()))
     clean = Page(render_html(hidden_friction(seconds=2.0, name="plain"), two_link_arm()))
     assert [tag for tag, _ in page.elements] == [tag for tag, _ in clean.elements]
@@ -186,7 +186,7 @@ def test_names_are_inert(name: str) -> None:
         assert "<a href" not in shown
 
 
-def test_no_text_of_a_picture_can_end_its_script() -> None:
+def test_figure_text_cannot_close_its_script() -> None:
     data = [{"name": HOSTILE, "text": ["</script>", "<!--", "&lt;"]}]
     text = Figure("x", data, {}).json
     assert not set("<>&") & set(text)
@@ -195,7 +195,7 @@ def test_no_text_of_a_picture_can_end_its_script() -> None:
 
 @pytest.mark.parametrize("verdict", ["consistent", "not_enough_data", "unexplained", "ambiguous"])
 @pytest.mark.parametrize("series", [True, False])
-def test_other_verdicts_render(verdict: str, series: bool) -> None:
+def test_html_report_renders_all_verdicts(verdict: str, series: bool) -> None:
     result = empty_result(verdict, series=series)  # type: ignore[arg-type]
     text = Page(render_html(result, two_link_arm())).text
     assert f"A summary that says {verdict}." in text
@@ -203,7 +203,7 @@ def test_other_verdicts_render(verdict: str, series: bool) -> None:
     assert ("There is no series to draw" in text) is not series
 
 
-def test_rivals_are_said_where_the_data_cannot_tell() -> None:
+def test_rivals_are_listed_for_ambiguous_findings() -> None:
     result = hidden_friction(seconds=2.0)
     first, *others = result.diagnosis.findings
     rivals = replace(first, ambiguous_with=("lugre_friction",))
@@ -222,7 +222,7 @@ def scattered(result: Result) -> Result:
     return replace(result, diagnosis=replace(result.diagnosis, findings=findings))
 
 
-def test_findings_of_a_place_stand_together_on_the_first_screen_and_below(result: Result) -> None:
+def test_findings_are_grouped_by_place(result: Result) -> None:
     text = Page(render_html(scattered(result), two_link_arm())).text
     first = (
         "joint2 Coulomb friction 97 %, Torque offset > 99.9 % joint1 Cable or hose spring > 99.9 %, Torque"
@@ -239,7 +239,7 @@ def test_findings_of_a_place_stand_together_on_the_first_screen_and_below(result
     assert below == sorted(below)
 
 
-def test_a_long_answer_in_words_is_folded_away(page: Page, result: Result) -> None:
+def test_long_text_answer_is_collapsed(page: Page, result: Result) -> None:
     long = Page(render_html(scattered(result), two_link_arm()))
     folded = "The answer in one paragraph"
     assert folded in long.text
@@ -247,20 +247,20 @@ def test_a_long_answer_in_words_is_folded_away(page: Page, result: Result) -> No
     assert result.diagnosis.summary in long.text
 
 
-def test_what_was_tried_twice_to_the_same_end_is_listed_once(result: Result) -> None:
+def test_equivalent_candidates_are_listed_once(result: Result) -> None:
     again = replace(result, ladder=(*result.ladder, *result.ladder))
     own, twice = (Page(render_html(found, two_link_arm())) for found in (result, again))
     assert twice.figures["ladder-bars-spec"] == own.figures["ladder-bars-spec"]
     assert twice.text.count("lowers the held-out error most") == 1
 
 
-def test_a_curve_that_was_tried_is_no_effect(result: Result) -> None:
+def test_tried_curve_is_not_listed_as_an_effect(result: Result) -> None:
     rung = replace(result.ladder[0], effect="unknown_of_direction_and_position")
     text = Page(render_html(replace(result, ladder=(rung,)), two_link_arm())).text
     assert "Force without a name, over direction and position" in text
 
 
-def test_shares_of_torques_come_before_those_of_encoders(result: Result) -> None:
+def test_torque_fractions_are_listed_before_those_of_encoders(result: Result) -> None:
     torque = result.diagnosis.mismatch[0]
     gap = replace(torque, channel="joint1.position", location="joint1", share=1.0, words="")
     both = replace(result.diagnosis, mismatch=(gap, torque))
@@ -270,7 +270,7 @@ def test_shares_of_torques_come_before_those_of_encoders(result: Result) -> None
     assert "of the differences of encoders each by itself" in text
 
 
-def test_numbers_that_are_none_do_not_break_it() -> None:
+def test_report_handles_missing_numbers() -> None:
     result = hidden_friction(seconds=2.0)
     nan = float("nan")
     finding = replace(result.diagnosis.findings[0], parameters={"torque": Estimate(nan, (nan, nan), "N m")})
@@ -292,7 +292,7 @@ def test_long_recordings_stay_small() -> None:
     assert len(text.encode()) < 8e6
 
 
-def test_many_recordings_stay_small_and_say_what_is_left_out() -> None:
+def test_many_recordings_stay_small_and_report_omissions() -> None:
     result = hidden_friction(seconds=10.0)
     series = tuple(replace(result.series[1], recording=f"run_{n}.csv") for n in range(200))
     text = render_html(replace(result, series=series), two_link_arm())
@@ -300,7 +300,7 @@ def test_many_recordings_stay_small_and_say_what_is_left_out() -> None:
     assert "176 more series are in comparison.rrd" in text
 
 
-def test_the_same_result_gives_the_same_page(result: Result) -> None:
+def test_same_result_gives_the_same_page(result: Result) -> None:
     assert render_html(result, two_link_arm()) == render_html(result, two_link_arm())
 
 

@@ -1,4 +1,4 @@
-"""What moves in the 3-D view of a diagnosis: joints, free base, bent links."""
+"""Moving parts in the 3-D view of a diagnosis: joints, free base, flexible links."""
 
 from __future__ import annotations
 
@@ -75,13 +75,13 @@ def test_a_recorded_base_turns_and_a_recorded_deflection_bends_the_link() -> Non
     assert np.allclose(moved[:, 1], 100 * 0.003 * np.sin(found.time), atol=1e-4)
 
 
-def test_what_was_not_recorded_is_said() -> None:
+def test_missing_channels_of_the_motion_are_reported() -> None:
     found = drawn(None)
     assert found.title == "Recorded motion; base held still; links straight: no deflection recorded"
     assert not found.recorded.deflections["link2"].any()
 
 
-def test_a_quaternion_that_changes_its_sign_is_the_same_attitude() -> None:
+def test_quaternion_sign_change_is_the_same_attitude() -> None:
     time = np.linspace(0.0, 2.0, 67)  # drawn in between, too
     given = Recording(time, {name: np.interp(time, TIME, y) for name, y in recording().channels.items()}, "a")
     sign = np.where(np.arange(time.size) % 3, 1.0, -1.0)
@@ -91,7 +91,7 @@ def test_a_quaternion_that_changes_its_sign_is_the_same_attitude() -> None:
     assert np.allclose(first, second, atol=1e-12)  # rounding
 
 
-def test_the_file_holds_the_bent_link(tmp_path: Path) -> None:
+def test_rerun_file_contains_the_bent_link(tmp_path: Path) -> None:
     result = replace(empty_result("consistent", series=False), series=run().series)
     target = tmp_path / "comparison.rrd"
     write_rerun(result, robot(), target, recordings=[recording()])

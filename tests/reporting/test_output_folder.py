@@ -29,7 +29,7 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_experiments_of_an_earlier_diagnosis_go_and_files_of_the_user_stay(tmp_path: Path) -> None:
+def test_earlier_experiments_are_removed_and_user_files_are_kept(tmp_path: Path) -> None:
     write_outputs(asking("experiment_1.csv", "experiment_2.csv"), two_link_arm(), tmp_path)
     assert names(tmp_path) == {*FILES, "experiment_1.csv", "experiment_2.csv"}
     (tmp_path / "experiment_3.csv").write_text("what the user recorded")
@@ -51,7 +51,7 @@ def test_a_damaged_earlier_diagnosis_is_replaced(tmp_path: Path, content: str) -
 
 
 @pytest.mark.parametrize("step", ["write_html", "write_rerun"])
-def test_a_failure_leaves_the_earlier_diagnosis_whole(
+def test_failure_leaves_the_earlier_diagnosis_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     write_outputs(asking("experiment_1.csv"), two_link_arm(), tmp_path / "out")

@@ -59,7 +59,7 @@ def scalars(columns: dict[str, np.ndarray]) -> np.ndarray:
     return np.array([float(np.ravel(item)[0]) for item in columns["Scalars:scalars"]])
 
 
-def test_verifies(path: Path) -> None:
+def test_rerun_file_verifies(path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(path)],
         capture_output=True,
@@ -84,7 +84,7 @@ def test_every_series_reads_back_value_by_value(path: Path, result: Result) -> N
                 assert np.allclose(found[place]["time"], series.time, rtol=0, atol=NANOSECOND)
 
 
-def test_lanes_say_windows_and_held_out_stretches(path: Path, result: Result) -> None:
+def test_lanes_show_windows_and_held_out_parts(path: Path, result: Result) -> None:
     found = read(path)
     lane = found["/run1/lanes/windows/joint2.torque"]
     states = [state[0] for state in lane["StateChange:state"]]
@@ -108,19 +108,17 @@ def test_robot_moves_as_recorded(path: Path, result: Result) -> None:
     assert np.allclose(shown, expected.translation, atol=1e-6)
 
 
-def test_it_opens_on_a_blueprint(path: Path) -> None:
+def test_rerun_file_opens_with_a_blueprint(path: Path) -> None:
     assert len(RrdReader(path).blueprints()) == 1
 
 
-def test_same_result_is_the_same_recording(path: Path, result: Result, tmp_path: Path) -> None:
+def test_same_result_gives_the_same_rerun_file(path: Path, result: Result, tmp_path: Path) -> None:
     again = tmp_path / "again.rrd"
     write_rerun(result, two_link_arm(), again)
     assert RrdReader(again).recordings()[0].recording_id == RrdReader(path).recordings()[0].recording_id
 
 
-def test_long_series_are_thinned_with_their_spikes_and_say_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_series_are_thinned_keeping_spikes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rerun_file, "MOST_SAMPLES", 20_000)
     full = hidden_friction()
     spike = full.series[1].measured.copy()
@@ -190,7 +188,7 @@ def test_writing_is_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.Monk
         write_rerun(hidden_friction(seconds=2.0), two_link_arm(), target / "comparison.rrd")
 
 
-def test_a_disk_that_refuses_is_one_sentence(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_full_disk_gives_one_sentence(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Instead of a thread of rerun's that is waited for."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))

@@ -53,7 +53,7 @@ def test_fixed_joint_and_roll_pitch_yaw_follow_urdf() -> None:
 
 
 @given(seed=st.integers(0, 10_000))
-def test_rotations_stay_rotations_and_quaternions_say_the_same(seed: int) -> None:
+def test_rotation_matrices_are_orthogonal_and_agree_with_quaternions(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for robot in _robots():
         found = poses(robot, {joint.name: rng.uniform(-3, 3, 4) for joint in robot.moving_joints})

@@ -1,4 +1,4 @@
-"""The printed summary: complete, plain off a terminal, and in the order of interest."""
+"""The printed summary: complete, ordered by importance, and plain text outside a terminal."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def printed(result: Result, *, terminal: bool = False) -> str:
     return out.getvalue()
 
 
-def test_it_says_what_where_how_much_and_how_well_in_that_order() -> None:
+def test_summary_states_effect_place_size_and_fit_in_this_order() -> None:
     result = hidden_friction(seconds=4.0)
     text = printed(result)
     fit = result.diagnosis.fit.channels["joint2.torque"]
@@ -53,7 +53,7 @@ def changed(name: str, estimate: float, half: float, prior: float) -> ParameterC
     return ParameterChange(name, "kg", 1.0, estimate, interval, prior95=before)
 
 
-def test_numbers_of_the_robot_file_stand_below_the_verdict_the_most_surprising_first() -> None:
+def test_changed_file_parameters_follow_the_verdict_most_significant_first() -> None:
     """What counts is the change relative to what was credible, not the one in kg."""
     result = hidden_friction(seconds=4.0)
     changes = (
@@ -73,18 +73,18 @@ def test_numbers_of_the_robot_file_stand_below_the_verdict_the_most_surprising_f
     assert [words.split(".")[0] for words in page] == ["sure", "small"]
 
 
-def test_off_a_terminal_it_is_plain_text() -> None:
+def test_summary_is_plain_text_outside_a_terminal() -> None:
     text = printed(hidden_friction(seconds=4.0))
     assert "\x1b" not in text
     assert "\x1b" in printed(hidden_friction(seconds=4.0), terminal=True)
 
 
-def test_names_are_not_read_as_markup() -> None:
+def test_names_in_the_summary_are_not_markup() -> None:
     assert "[bold]x[/bold]" in printed(hidden_friction(seconds=4.0, name="[bold]x[/bold]"))
 
 
 @pytest.mark.parametrize("verdict", ["consistent", "not_enough_data", "unexplained", "ambiguous"])
-def test_other_verdicts_print(verdict: str) -> None:
+def test_summary_prints_all_verdicts(verdict: str) -> None:
     for series in (True, False):
         text = printed(empty_result(verdict, series=series))  # type: ignore[arg-type]
         assert verdict.replace("_", " ").upper() in text
@@ -93,7 +93,7 @@ def test_other_verdicts_print(verdict: str) -> None:
 
 
 @pytest.mark.parametrize("verdict", ["explained", "partly_explained"])
-def test_where_nothing_is_named_numbers_of_the_file_are_said_to_be_off(verdict: str) -> None:
+def test_without_findings_changed_file_parameters_are_reported(verdict: str) -> None:
     result = hidden_friction(seconds=4.0)
     told = replace(result.diagnosis, verdict=verdict, findings=())  # type: ignore[arg-type]
     text = printed(replace(result, diagnosis=told))
@@ -102,21 +102,21 @@ def test_where_nothing_is_named_numbers_of_the_file_are_said_to_be_off(verdict: 
     assert "named, modelled and proven" not in text
 
 
-def test_lopsided_interval_is_shown_as_it_is() -> None:
+def test_asymmetric_interval_is_printed_unchanged() -> None:
     result = hidden_friction(seconds=4.0)
     finding = replace(result.diagnosis.findings[0], parameters={"torque": Estimate(1.0, (0.9, 1.6), "N m")})
     text = printed(replace(result, diagnosis=replace(result.diagnosis, findings=(finding,))))
     assert "1.00 [0.90, 1.60] N m" in text
 
 
-def test_long_lists_are_cut_and_say_so() -> None:
+def test_long_lists_are_shortened_with_a_note() -> None:
     result = hidden_friction(seconds=4.0)
     many = tuple(f"point {n}" for n in range(20))
     text = printed(replace(result, diagnosis=replace(result.diagnosis, could_not_tell=many)))
     assert "and 12 more" in text
 
 
-def test_a_name_that_is_not_enough_is_reported_with_doubt() -> None:
+def test_finding_with_remaining_residual_is_reported_with_a_reservation() -> None:
     """`unexplained` beside names must not read as if they were the answer."""
     result = hidden_friction(seconds=4.0)
     doubted = replace(result, diagnosis=replace(result.diagnosis, verdict="unexplained"))
@@ -126,7 +126,7 @@ def test_a_name_that_is_not_enough_is_reported_with_doubt() -> None:
     assert "not named" not in text
 
 
-def test_the_first_line_brackets_the_rivals_of_each_finding() -> None:
+def test_first_line_lists_the_rivals_of_each_finding_in_brackets() -> None:
     """`A, B or C and D` would leave open which of them belong together."""
     result = hidden_friction(seconds=4.0)
     first, *others = result.diagnosis.findings
@@ -139,7 +139,7 @@ def test_the_first_line_brackets_the_rivals_of_each_finding() -> None:
     )
 
 
-def test_findings_of_a_place_and_shares_of_a_kind_stand_together() -> None:
+def test_findings_are_grouped_by_place_and_fractions_by_kind() -> None:
     result = hidden_friction(seconds=4.0)
     friction, offset = result.diagnosis.findings
     spring = replace(offset, effect="cable_spring", location="joint1")
@@ -155,7 +155,7 @@ def test_findings_of_a_place_and_shares_of_a_kind_stand_together() -> None:
     assert text.index(torque.words) < text.index("its encoders differ")
 
 
-def test_proven_names_beside_something_without_a_name_do_not_claim_everything() -> None:
+def test_named_effects_with_an_unnamed_remainder_do_not_claim_completeness() -> None:
     result = hidden_friction(seconds=4.0)
     more = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), 0.5, 1.0, (), (), "A curve.")
     text = printed(replace(result, diagnosis=replace(result.diagnosis, unnamed=(more,))))
@@ -163,7 +163,7 @@ def test_proven_names_beside_something_without_a_name_do_not_claim_everything() 
     assert "The mismatch is named" not in text
 
 
-def test_what_is_as_uncertain_as_before_any_recording_is_not_stated() -> None:
+def test_parameters_not_informed_by_the_recording_are_omitted() -> None:
     """Neither a finding's number nor one of the robot file."""
     result = hidden_friction(seconds=4.0)
     told = {
@@ -177,7 +177,7 @@ def test_what_is_as_uncertain_as_before_any_recording_is_not_stated() -> None:
     assert "These data do not determine: mass." in text
 
 
-def test_the_prior_of_a_mass_property_is_that_of_the_body() -> None:
+def test_prior_of_a_mass_property_is_that_of_its_body() -> None:
     robot = read_robot("two_link_arm")[0]
     low, high = before("inertia", "link1", "mass", robot)
     assert low == -high

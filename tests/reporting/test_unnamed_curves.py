@@ -1,4 +1,4 @@
-"""What stays without a name: its figures, its pictures in the rerun file, its words in the summary."""
+"""Unnamed curves: their figures, their pictures in the rerun file, their sentences in the summary."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def unpacked(packed: dict[str, str]) -> Array:
     return values.reshape([int(n) for n in shape.split(",")]) if shape else values
 
 
-def test_nothing_is_said_where_everything_has_its_name() -> None:
+def test_no_curve_is_reported_if_everything_is_named() -> None:
     assert section(hidden_friction(seconds=2.0), two_link_arm()) is None
 
 
@@ -74,26 +74,26 @@ def test_band_holds_the_interval() -> None:
     assert np.allclose(y[half:][::-1], low, rtol=SINGLE)
 
 
-def test_axes_have_words_and_units() -> None:
+def test_curve_axes_have_labels_and_units() -> None:
     layout = spec_of(drag())["layout"]
     assert layout["xaxis"]["title"]["text"] == "joint2's velocity [rad/s]"
     assert layout["yaxis"]["title"]["text"] == "joint2.torque [N m]"
     text = render_html(with_unnamed(drag()), two_link_arm())
-    assert "What joint2 takes beyond the model, over joint2&#39;s velocity" in text
+    assert "Torque of joint2 beyond the model, over joint2&#39;s velocity" in text
     assert drag().words in text
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_names_are_text_and_nothing_else(case: Callable[[], Unnamed]) -> None:
+def test_names_of_curves_are_escaped(case: Callable[[], Unnamed]) -> None:
     text = render_html(with_unnamed(case(), name=HOSTILE), two_link_arm())
     assert not re.search(r"<(img|a href=.javascript)", text)
     assert text.count("alert(1)") == text.count("alert(1)&lt;") + text.count("alert(1)\\u0026lt;")
     for block in re.findall(r'<script type="application/json" id="unnamed.*?</script>', text, re.DOTALL):
-        said = json.dumps(json.loads(block.split(">", 1)[1].removesuffix("</script>")))
-        assert "<" not in re.sub("</?extra>", "", said)  # what plotly would read as a tag
+        message = json.dumps(json.loads(block.split(">", 1)[1].removesuffix("</script>")))
+        assert "<" not in re.sub("</?extra>", "", message)  # what plotly would read as a tag
 
 
-def test_rerun_file_holds_each_curve_as_it_is(tmp_path: Path) -> None:
+def test_rerun_file_contains_each_curve_unchanged(tmp_path: Path) -> None:
     """Also where both are forces of one joint."""
     items, target = [case() for case in CASES], tmp_path / "both.rrd"
     write_rerun(with_unnamed(*items), two_link_arm(), target)
@@ -133,7 +133,7 @@ def printed(*items: Unnamed) -> str:
     return " ".join(out.getvalue().split())
 
 
-def test_summary_says_it_between_what_was_named_and_the_fit() -> None:
+def test_summary_reports_curves_between_findings_and_fit() -> None:
     text = printed(drag(), roughness())
     places = [text.find(words) for words in ("What is missing", "Forces without a name", "On held-out data")]
     assert -1 not in places
@@ -143,7 +143,7 @@ def test_summary_says_it_between_what_was_named_and_the_fit() -> None:
     assert "Forces without a name" not in printed()
 
 
-def test_it_is_drawn_where_nothing_was_named() -> None:
+def test_curve_is_drawn_without_findings() -> None:
     bare = empty_result("unexplained", series=True)
     left = replace(bare, diagnosis=replace(bare.diagnosis, unnamed=(drag(),)))
     text = render_html(left, two_link_arm())

@@ -28,7 +28,7 @@ def test_options_exist_in_the_installed_viewer() -> None:
     assert "`auto`" in text
 
 
-def test_absent_file_or_folder_is_one_sentence(tmp_path: Path) -> None:
+def test_absent_file_or_folder_gives_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no comparison\.rrd; write it with"):
         view.viewer_command(tmp_path)
     with pytest.raises(InputError, match="does not exist; name the folder"):

@@ -1,4 +1,4 @@
-"""Measured curves without a name, as a diagnosis hands them over."""
+"""Measured curves without a name, as provided by a diagnosis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The standard model of robots whose links bend: response to small forces, beams' numbers, vibration."""
+"""The standard model of robots with flexible links: response to small forces, beam parameters, vibration."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def moved() -> tuple[RobotModel, BandMotion, Along]:
 
 
 @pytest.mark.parametrize("name", ["link1.mass", "base.inertia.zz", "link2.tip_mass", "link2.stiffness"])
-def test_regressor_is_the_derivative_of_the_torque_with_links_that_vibrate_otherwise(name: str) -> None:
+def test_regressor_is_the_torque_derivative_with_changed_link_vibration(name: str) -> None:
     model, motion, along = moved()
     place, step = model.inertial_names.index(name), 1e-3
     more = along.inertial.copy()
@@ -100,7 +100,7 @@ def test_regressor_is_the_derivative_of_the_torque_with_links_that_vibrate_other
     assert np.all(error < 0.1)
 
 
-def test_mass_at_a_tip_is_a_payload_there() -> None:
+def test_tip_mass_equals_a_payload_at_the_tip() -> None:
     model, motion, along = moved()
     robot = without_friction(space_robot())
     load = EffectUse.model_validate(
@@ -130,7 +130,7 @@ def test_stiffness_of_a_beam_is_its_young_and_shear_modulus() -> None:
     np.testing.assert_allclose(np.abs(found), np.abs(expected), rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
-def test_vibration_is_whitened() -> None:
+def test_vibration_errors_are_whitened() -> None:
     generator = np.random.default_rng(3)
     columns, spread = generator.normal(size=(40, 2, 5)), np.array([np.inf, 0.3, 2.0, 1e-3, 5.0])
     weight = np.tile([4.0, 0.25], (40, 1))
@@ -144,7 +144,7 @@ def test_vibration_is_whitened() -> None:
     np.testing.assert_allclose(white, np.eye(80), atol=1e-6)
 
 
-def test_a_link_that_vibrates_when_the_recording_begins_leaves_no_residual() -> None:
+def test_initial_vibration_of_a_link_leaves_no_residual() -> None:
     whole, robot = recorded(), space_robot()
     late = whole.time >= 2.0
     part = Recording(whole.time[late] - 2.0, {c: v[late] for c, v in whole.channels.items()}, "part")
@@ -154,7 +154,7 @@ def test_a_link_that_vibrates_when_the_recording_begins_leaves_no_residual() -> 
     assert np.all(np.sqrt(np.mean(left.residual[:, :2] ** 2, axis=0)) < 0.003 * torque + 0.02)
 
 
-def test_standard_model_of_a_beam_with_another_load_and_stiffness_predicts_at_the_noise() -> None:
+def test_standard_model_of_a_changed_beam_predicts_up_to_noise() -> None:
     standard = fit_standard(space_robot(), [recorded("heavy", 2)], cutoff=BAND)
     errors = standard.errors([recorded("heavy", 4)])
     for joint in ("joint1", "joint2"):
@@ -166,7 +166,7 @@ def test_standard_model_of_a_beam_with_another_load_and_stiffness_predicts_at_th
     assert beam.tip.mass == pytest.approx(tip, rel=1e-9)
 
 
-def test_what_encoder_noise_shakes_is_what_the_file_of_the_robot_leaves() -> None:
+def test_vibration_due_to_encoder_noise_explains_the_residual_of_the_exact_file() -> None:
     """With encoders that are ten times as noisy, the exact file's residual is mostly what they shake."""
     level, generator = 2e-5, np.random.default_rng(9)
     sensors = tuple(

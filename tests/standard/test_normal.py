@@ -15,12 +15,12 @@ TORQUE = RANDOM.normal(size=(40, 2))
 
 
 def normal(rows: slice) -> Normal:
-    acts = acting([DESIGN])
-    columns = [DESIGN[rows, k, own] for k, own in enumerate(acts)]
-    return Normal.of(acts, columns, TORQUE[rows], np.full(2, 40.0), 5)
+    active = acting([DESIGN])
+    columns = [DESIGN[rows, k, own] for k, own in enumerate(active)]
+    return Normal.of(active, columns, TORQUE[rows], np.full(2, 40.0), 5)
 
 
-def test_a_joint_has_the_parameters_that_it_feels_in_any_recording() -> None:
+def test_parameters_act_on_a_joint_if_they_do_in_any_recording() -> None:
     first, second = DESIGN.copy(), DESIGN.copy()
     first[:, 0, 0], second[:, 0, 1] = 0.0, 0.0
     assert [own.tolist() for own in acting([first, second])] == [[0, 1, 4], [2, 3]]
@@ -29,7 +29,7 @@ def test_a_joint_has_the_parameters_that_it_feels_in_any_recording() -> None:
 @pytest.mark.parametrize(
     "whole", [normal(slice(None)), total_of([normal(slice(0, 15)), normal(slice(15, 40))])]
 )
-def test_energy_and_weighted_sums_are_those_over_all_parameters(whole: Normal) -> None:
+def test_energy_and_weighted_sums_equal_those_over_all_parameters(whole: Normal) -> None:
     x, weight = RANDOM.normal(size=5), np.array([2.0, 0.3])
     assert whole.energy(x) == pytest.approx(np.sum((TORQUE - DESIGN @ x) ** 2, axis=0), rel=1e-12)
     gram, right = whole.weighted(weight)

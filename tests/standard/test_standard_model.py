@@ -1,4 +1,4 @@
-"""The standard model: recovered from simulations, physically possible, stated as it predicts."""
+"""The standard model: recovered from simulations, physically realisable, with reproducible predictions."""
 
 from __future__ import annotations
 
@@ -53,13 +53,15 @@ def test_friction_and_offset_of_a_simulation_are_recovered(
     assert abs(value - truth) < 4 * deviation + 0.02 * truth
 
 
-def test_its_error_on_another_run_is_the_noise(fitted: StandardModel) -> None:
+def test_error_of_the_standard_model_on_another_run_equals_the_noise(fitted: StandardModel) -> None:
     for errors in fitted.errors([recorded(1)]).values():
         assert errors.standard < 2.0 * errors.noise
         assert errors.standard < 0.1 * errors.nominal
 
 
-def test_the_robot_file_predicts_what_is_stated(fitted: StandardModel, run: Recording) -> None:
+def test_file_of_the_standard_model_reproduces_its_stated_error(
+    fitted: StandardModel, run: Recording
+) -> None:
     """The error of the written file, evaluated as a nominal robot, is the error stated of the fit."""
     stated = fitted.errors([run])
     written = replace(fitted, nominal=fitted.robot).errors([run])
@@ -67,7 +69,7 @@ def test_the_robot_file_predicts_what_is_stated(fitted: StandardModel, run: Reco
         assert written[joint].nominal == pytest.approx(errors.standard, rel=1e-3)  # ten digits in the file
 
 
-def test_wrong_masses_are_found_again(run: Recording) -> None:
+def test_wrong_masses_are_corrected(run: Recording) -> None:
     """Torque at the joints, since single masses of two links are not determined by them."""
     links = tuple(link.model_copy(update={"mass": 1.4 * link.mass}) for link in ARM.links)
     wrong = ARM.model_copy(update={"links": links})
@@ -76,7 +78,7 @@ def test_wrong_masses_are_found_again(run: Recording) -> None:
         assert errors.standard < 3.0 * errors.noise
 
 
-def test_mass_properties_stay_those_of_real_bodies_whatever_the_torque(run: Recording) -> None:
+def test_mass_properties_stay_realisable_for_any_torque(run: Recording) -> None:
     """A torque that would need negative inertia: turned round, and of random numbers."""
     chance = np.random.default_rng(3)
     for make in (lambda tau: -tau, lambda tau: 100.0 * chance.standard_normal(tau.size)):
@@ -89,7 +91,7 @@ def test_mass_properties_stay_those_of_real_bodies_whatever_the_torque(run: Reco
             assert min(found.estimate.value(f"{joint.name}.{k}")[0] for k in ("viscous", "coulomb")) >= 0.0
 
 
-def test_the_unit_of_time_and_torque_of_a_prismatic_axis_do_not_matter() -> None:
+def test_result_does_not_depend_on_the_units_of_a_prismatic_axis() -> None:
     """An axis described in millimetres and its recording give the same relative error as in metres."""
     axis = load_robot("single_axis")
     run = simulate(axis, seed=2)
@@ -106,27 +108,27 @@ def test_the_unit_of_time_and_torque_of_a_prismatic_axis_do_not_matter() -> None
         assert other.standard == pytest.approx(errors.standard, rel=0.02)  # rotors are not rescaled
 
 
-def test_a_recording_without_torque_is_refused_in_a_sentence(run: Recording) -> None:
+def test_recording_without_torque_is_rejected_with_one_sentence(run: Recording) -> None:
     positions = Recording(run.time, {c: run[c] for c in run if c.endswith("position")}, "positions only")
     with pytest.raises(InputError, match=r"torque.*map"):
         fit_standard(ARM, [positions])
 
 
-def test_a_joint_at_rest_is_not_judged(run: Recording) -> None:
+def test_joint_at_rest_is_not_fitted(run: Recording) -> None:
     still = run.with_channels({"joint2.position": np.zeros(len(run))})
     errors = fit_standard(ARM, [still]).errors([still])
     assert np.isnan(errors["joint2"].standard)
     assert np.isfinite(errors["joint1"].standard)
 
 
-def test_a_joint_that_trembles_while_others_move_is_not_judged(run: Recording) -> None:
+def test_trembling_joint_is_not_fitted(run: Recording) -> None:
     """Held by its controller, it moves by a thousandth of what the other one does."""
     trembling = 1e-3 * run["joint2.position"]
     errors = fit_standard(ARM, [run.with_channels({"joint2.position": trembling})])
     assert errors.estimate.value("joint2.viscous") == (0.0, 0.0)
 
 
-def test_a_passive_joint_does_not_make_the_robot_weightless() -> None:
+def test_masses_of_the_file_are_kept_for_a_robot_with_a_passive_joint() -> None:
     """Without torque every equation is fitted by a robot without mass; the file's masses have to stand."""
     joints = tuple(j if j.name == "joint1" else j.model_copy(update={"actuator": None}) for j in ARM.joints)
     passive = ARM.model_copy(update={"joints": joints})
@@ -155,7 +157,7 @@ def ten_numbers(draw: st.DataObject) -> np.ndarray:
 
 
 @given(st.data())
-def test_a_solid_body_is_real_and_no_other_where_the_body_was_solid(data: st.DataObject) -> None:
+def test_solid_body_keeps_its_inertia_and_stays_realisable(data: st.DataObject) -> None:
     ten = solid(ten_numbers(data), 1.0)
     assert np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0
     np.testing.assert_allclose(solid(ten, 1.0), ten, rtol=1e-9, atol=1e-9)

@@ -1,8 +1,8 @@
-"""Conditions of a case: what the robot file says and leaves out, and how its torque came to be recorded.
+"""Conditions of a case: contents of the robot file, and the way in which the torque is recorded.
 
-Machines differ in these whatever physics they hide, so the conditions are crossed with what is hidden: they
-depend on the number of the case by a permutation of their own. Every block of 64 cases of one parity holds
-each combination of the five factors once, which keeps every share near its nominal value in a few hundred
+They are independent of the hidden physics, as on real machines, so the two are crossed: the conditions
+depend on the case number by a permutation of their own. Every block of 64 cases of one parity contains
+each combination of the five factors once, which keeps every fraction near its nominal value in a few hundred
 cases, and in either half of them.
 """
 
@@ -26,10 +26,10 @@ TORQUES: tuple[TorqueKind, ...] = get_args(TorqueKind)
 #: Delay of a command that is logged late [samples]: the log's bus is read once per sample, so that a value
 #: is between a half and one sample old.
 LATE = (0.5, 1.0)
-#: Corner of the low-pass that a measured current passes before it is logged [share of the sampling rate]:
+#: Corner frequency of the low-pass before a measured current is logged [fraction of the sampling rate]:
 #: an anti-aliasing filter. Its delay at low frequencies stays below 1.5 samples.
 CORNER = (0.15, 0.4)
-#: Orders of that filter: first order, or a Butterworth filter of second order.
+#: Orders of that filter: first-order, or second-order Butterworth.
 ORDERS = (1, 2)
 
 
@@ -40,14 +40,14 @@ class Sealed(BaseModel):
 
 
 class TorqueRecord(Sealed):
-    """What the torque channels hold.
+    """Contents of the torque channels.
 
     Attributes:
         kind: "command": the controller's command, free of noise; "measured": the torque from the motor's
             current, with noise; "delayed": the command, logged late; "filtered": the torque from the
             current behind a low-pass, noise included.
-        delay: of a delayed one [s].
-        order, corner: of a filtered one, a Butterworth filter [-, Hz]; order 0 is none.
+        delay: delay of a delayed command [s].
+        order, corner: order [-] and corner frequency [Hz] of the Butterworth filter; order 0 means none.
     """
 
     kind: TorqueKind = "measured"
@@ -57,19 +57,20 @@ class TorqueRecord(Sealed):
 
     @property
     def digital(self) -> bool:
-        """A command out of the controller's memory: nothing but rounding is added to it."""
+        """Whether a command from the controller's memory is recorded, to which only rounding is added."""
         return self.kind in ("command", "delayed")
 
 
 class Factors(Sealed):
-    """The factors that are crossed with what is hidden.
+    """The factors that are crossed with the hidden physics.
 
     Attributes:
-        file_exact: masses, inertias and friction of the robot file are the machine's.
-        controller_known: the robot file has controller and reference, the recordings the reference positions.
-        held: the controller holds its command between the ticks of its clock.
+        file_exact: masses, inertias and friction of the robot file are correct.
+        controller_known: the robot file has controller and reference, the recordings have reference
+        positions.
+        held: the controller holds its command between the ticks of its clock (zero-order hold).
         noise_stated: the robot file states noise and resolution of the sensors.
-        torque: what the torque channels hold.
+        torque: contents of the torque channels.
     """
 
     file_exact: bool = True
@@ -83,8 +84,8 @@ class Conditions(Sealed):
     """The factors of a case and the numbers that were drawn for them.
 
     Attributes:
-        factors: which combination.
-        file_errors: relative error of each number of the robot file, see `file_errors`; empty where exact.
+        factors: combination of the factors.
+        file_errors: relative error of each number of the robot file, see `file_errors`; empty if exact.
         torque: how the torque was recorded.
     """
 
@@ -117,7 +118,7 @@ CELLS = tuple(
 
 
 def factors_of(number: int) -> Factors:
-    """The factors of the case of that number: of 64 cases of one parity each has another combination."""
+    """The factors of a case: any 64 consecutive cases of one parity have different combinations."""
     block, place = divmod(number // 2, len(CELLS))
     order = np.random.default_rng([block, number % 2, 37]).permutation(len(CELLS))
     return CELLS[int(order[place])]

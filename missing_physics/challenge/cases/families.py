@@ -1,4 +1,4 @@
-"""The ways in which physics hides, and how often each is drawn."""
+"""Families of cases: the ways in which physics is hidden, and how often each is drawn."""
 
 from __future__ import annotations
 
@@ -55,22 +55,22 @@ DECK: tuple[Family, ...] = (
     *(("foreign",) * 3),
 )
 
-#: Families in which there is nothing to be named.
+#: Families without a hidden effect of the catalogue.
 NAMELESS: tuple[Family, ...] = ("none", "foreign")
 
 
 def family_of(number: int) -> Family:
-    """The family of a case: every block of 25 consecutive numbers holds the deck once, shuffled."""
+    """The family of a case: every block of 25 consecutive numbers contains the deck once, shuffled."""
     block, place = divmod(number, len(DECK))
     order = np.random.default_rng([block, 7]).permutation(len(DECK))
     return DECK[int(order[place])]
 
 
 def as_often_as(marked: Family, family: Family, share: float) -> float:
-    """How often a case of `family` is given what every case of the family `marked` has.
+    """Probability that a case of `family` is given a property that every case of the family `marked` has.
 
-    `share` of those in which something is hidden; of those with nothing to be named so many that what is
-    given is no more frequent among the former.
+    It is `share` if an effect is hidden; without a hidden effect it is such that the property is
+    equally frequent with and without hidden effects.
     """
     if family == marked:
         return 1.0

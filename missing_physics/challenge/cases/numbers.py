@@ -1,4 +1,4 @@
-"""Numbers of cases, and what each range of them is for."""
+"""Numbers of cases, and the purpose of each range."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = [
     "is_kept_for_scoring",
 ]
 
-#: A case is drawn from its number alone. Numbers for development, which anybody may look at while working:
+#: A case is drawn from its number alone. Numbers for development, which may be inspected at any time;
 DEVELOPMENT_SEEDS = range(10000, 20000)
 #: numbers of the yardstick, on which two versions of the diagnosis are compared, see `half_of`;
 YARDSTICK_SEEDS = range(50000, 50300)
-#: and the first of those for scoring, which nobody looks at before the score is to count.
+#: and the first of those for scoring, which are not inspected before the score counts.
 FIRST_SCORING_SEED = 20000
-#: Numbers that a score has used up, since its page shows them, with its day; the next score takes others.
-#: 28000 to 28204 were looked at without a score. All of these were cases of the first version of the draws.
+#: Numbers used up by a score, since its page shows them, with its date; the next score uses others.
+#: 28000 to 28204 were inspected without a score. All of these were cases of the first version of the draws.
 SCORED: tuple[tuple[range, str], ...] = (
     (range(20000, 20040), "2026-11-21"),
     (range(21000, 21200), "2026-11-21"),
@@ -36,17 +36,17 @@ SCORED: tuple[tuple[range, str], ...] = (
     (range(41000, 41205), "2026-11-25"),
 )
 
-#: Halves of the yardstick's numbers: anybody may look into the cases of one; those of the other are counted
-#: only, so that they show whether what helps the former helps at all.
+#: Halves of the yardstick's numbers: cases of one half may be inspected; those of the other are only counted,
+#: so that they show whether an improvement on the former generalises.
 Half = Literal["looked", "counted"]
 HALVES: tuple[Half, ...] = get_args(Half)
 
 
 def half_of(number: int) -> Half:
-    """The half that a number of the yardstick belongs to: even numbers may be looked at."""
+    """The half that a number of the yardstick belongs to: even numbers may be inspected."""
     return HALVES[number % 2]
 
 
 def is_kept_for_scoring(number: int) -> bool:
-    """Whether a case of that number may be scored by a challenge that is to prove something."""
+    """Whether a case of that number is reserved for scoring."""
     return number >= FIRST_SCORING_SEED and number not in YARDSTICK_SEEDS

@@ -1,8 +1,8 @@
-"""What may be hidden and how strongly: parameters drawn over the ranges of the catalogue that matter.
+"""Hidden effects and the ranges from which their parameters are drawn.
 
-Magnitudes are relative to the joint and its motion, so that one table serves a ball screw and a wrist:
-torques to a hundredth of the actuator's limit, speeds to the fastest of the motion, lengths or angles to its
-half span. Credible sizes follow the sources named on the pages of the effects.
+Magnitudes are relative to the joint and its motion, so that one table applies to a ball screw and a wrist:
+torques to a hundredth of the actuator's limit, speeds to the maximum of the motion, lengths or angles to its
+half range. Realistic sizes follow the sources cited on the pages of the effects.
 """
 
 from __future__ import annotations
@@ -32,23 +32,24 @@ __all__ = [
 
 Values = dict[str, float]
 TURN = 2 * np.pi
-#: What acts in a twentieth of the time at most is touched where the reference motion is for this share of it;
-#: and the least depth of a stop there, in half spans.
+#: A brief stop acts at positions where the reference motion is for this fraction of the time;
+#: and the minimum depth of such a stop, as a fraction of the half range.
 RARELY, SHALLOW = 0.04, 0.004
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Sizes at one joint, from which magnitudes are made.
+    """Reference sizes at one joint.
 
     Attributes:
-        torque: a hundredth of what the actuator can give [N m or N].
-        speed: fastest of the reference motion [rad/s or m/s].
-        low, high: ends of the reference motion [rad or m].
+        torque: a hundredth of the actuator's limit [N m or N].
+        speed: maximum speed of the reference motion [rad/s or m/s].
+        low, high: range of the reference motion [rad or m].
         peak: largest torque that the nominal robot needs for the motion [N m or N].
-        coulomb, viscous: nominal friction, zero where there is none.
-        duration: of the recording [s].
-        rarely: positions below and above which the motion is for `RARELY` of the time [rad or m].
+        coulomb, viscous: nominal friction, zero if there is none.
+        duration: duration of the recording [s].
+        rarely: positions below and above which the motion spends the fraction `RARELY` of the time [rad or
+        m].
     """
 
     torque: float
@@ -63,7 +64,7 @@ class Scale:
 
     @property
     def sides(self) -> tuple[float, ...]:
-        """Ends, -1 and +1, that the motion is near for a short time only."""
+        """Ends, -1 and +1, near which the motion stays only briefly."""
         if self.rarely is None:
             return (-1.0, 1.0)
         depths = self.rarely[0] - self.low, self.high - self.rarely[1]
@@ -71,12 +72,12 @@ class Scale:
 
     @property
     def span(self) -> float:
-        """Half of the way between the ends [rad or m]."""
+        """Half range of the motion [rad or m]."""
         return max((self.high - self.low) / 2, 1e-9)
 
 
 class Draw:
-    """Numbers by chance, with equal density per decade unless said otherwise."""
+    """Random numbers."""
 
     def __init__(self, chance: np.random.Generator) -> None:
         self.chance = chance
@@ -94,13 +95,13 @@ class Draw:
         return 1.0 if self.chance.random() < 0.5 else -1.0
 
     def phased(self, amplitude: float) -> tuple[float, float]:
-        """Cosine and sine part of an amplitude at any phase."""
+        """Cosine and sine part of an amplitude at a random phase."""
         phase = self.chance.uniform(0, TURN)
         return float(amplitude * np.cos(phase)), float(amplitude * np.sin(phase))
 
 
 def bounded(value: float) -> float:
-    """Six digits, as a person would write a number down."""
+    """Rounded to six digits, as a person would write a number."""
     return float(f"{value:.6g}")
 
 
@@ -143,7 +144,7 @@ def _load_dependent(d: Draw, s: Scale) -> Values:
 
 
 def _order(d: Draw, s: Scale) -> float:
-    """One to thirty periods over the way."""
+    """One to thirty periods over the range."""
     return TURN * d.decades(1.0, 30.0) / (2 * s.span)
 
 
@@ -204,7 +205,7 @@ def _brief_torque(d: Draw, s: Scale) -> Values:
 
 
 def _brief_stop(d: Draw, s: Scale) -> Values:
-    """Touched only where the motion turns: less than a twentieth of the time."""
+    """A stop reached only where the motion reverses: less than a twentieth of the time."""
     side = s.sides[int(d.chance.integers(len(s.sides)))]
     depth, end = s.span * d.even(0.01, 0.03), s.high if side > 0 else s.low
     if s.rarely is not None:
@@ -234,11 +235,11 @@ JOINT: Mapping[str, Callable[[Draw, Scale], Values]] = MappingProxyType(
         "quadratic_drag": _quadratic_drag,
     }
 )
-#: Those that the second version of the draws hides: numbers that were drawn stay what they were.
+#: Those that the second version of the draws hides; later additions must not change earlier draws.
 HIDDEN = tuple(name for name in JOINT if name != "quadratic_drag")
-#: Of these a joint has one at most.
+#: A joint has at most one of these.
 DRY = ("coulomb_friction", "stribeck_friction", "lugre_friction")
-#: These mean something only beside nominal friction of the joint.
+#: These modify nominal friction, which the joint must have.
 MODIFIERS = ("asymmetric_friction", "position_dependent_friction")
 #: Effects that act in less than a twentieth of the time.
 BRIEF: Mapping[str, Callable[[Draw, Scale], Values]] = MappingProxyType(
@@ -260,13 +261,13 @@ def _payload(d: Draw, link: Link) -> Values:
 
 
 def _inertia(d: Draw, link: Link) -> Values:
-    """The whole body heavier or lighter than it is described, its shape kept."""
+    """All inertial parameters of the body scaled by one factor."""
     share = d.sign() * d.decades(0.04, 0.25)
     return {name: share * value for name, value in inertial_numbers(link).items()}
 
 
 def inertial_numbers(link: Base | Link) -> Values:
-    """Mass, first moments and inertia of a body about the origin of its frame, named as `inertia` does."""
+    """Mass, first moments and inertia of a body about the origin of its frame, named as in `inertia`."""
     mass, centre = link.mass, np.asarray(link.center_of_mass)
     about = link.inertia_matrix + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     found = {"mass": mass} | {f"first_moment_{axis}": mass * float(x) for axis, x in zip("xyz", centre)}
@@ -275,7 +276,7 @@ def inertial_numbers(link: Base | Link) -> Values:
     return found
 
 
-#: Effects of a link.
+#: Effects at a link.
 BODY: Mapping[str, Callable[[Draw, Link], Values]] = MappingProxyType(
     {"payload": _payload, "inertia": _inertia}
 )
@@ -303,7 +304,7 @@ def _clock_drift(d: Draw, s: Scale, quantity: str) -> Values:
     return {"rate": d.sign() * d.decades(2e-4, 9e-4)}
 
 
-#: Effects of a channel, with the quantities at which each is drawn.
+#: Effects at a channel, with the quantities for which each is drawn.
 SENSOR: Mapping[str, tuple[tuple[str, ...], Callable[[Draw, Scale, str], Values]]] = MappingProxyType(
     {
         "sensor_offset": (("torque", "position"), _sensor_offset),

@@ -1,4 +1,4 @@
-"""What is hidden in a case: everything that makes it, as data that can be sealed."""
+"""Truth of a challenge: the complete definition of its cases, as data that can be sealed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ SCHEMA = 2
 
 
 class Foreign(Sealed):
-    """Physics that the catalogue does not have.
+    """Physics outside the catalogue.
 
     Attributes:
         kind: key of `foreign.KINDS`.
-        joint: where it acts.
-        other: the joint that drives it, for kinds that couple two.
-        parameters: of the kind.
+        joint: joint at which it acts.
+        other: the joint that drives it, for kinds that couple two joints.
+        parameters: parameters of the kind.
     """
 
     kind: str
@@ -32,13 +32,13 @@ class Foreign(Sealed):
 
 
 class Warming(Sealed):
-    """The way of a joint's temperature, the same in both recordings.
+    """Temperature of a joint over time, the same in both recordings.
 
     Attributes:
-        joint: that warms.
-        start, rise: temperature at time zero above the room's, and what is gained in the end [K].
-        time: constant of the approach [s].
-        noise, resolution: of the thermometer that records it [K].
+        joint: the joint that warms up.
+        start, rise: initial temperature above ambient, and total rise [K].
+        time: time constant of the rise [s].
+        noise, resolution: noise and resolution of the thermometer [K].
     """
 
     joint: str
@@ -53,20 +53,20 @@ class Design(Sealed):
     """One case, before anything is simulated; drawn from its number alone.
 
     Attributes:
-        number: of the case; also the seed from which all of it is drawn.
+        number: number of the case, and the seed from which all of it is drawn.
         name: random name of its folder.
-        shipped: name of the robot that was varied.
-        family: how the physics hides.
-        nominal: the machine without what is hidden; the robot file that the diagnosis gets is made of it,
+        shipped: name of the shipped robot that is varied.
+        family: the way in which the physics is hidden.
+        nominal: the machine without the hidden physics; the robot file for the diagnosis is derived from it,
             with the errors, tuning and omissions of the case.
         hidden: effects that `nominal` lacks.
         foreign: physics outside the catalogue.
-        validation: reference motion of the second recording.
-        noise_ratio: torque noise over what `noise_of` does at its joint; None leaves the noise.
-        noise_of: the effect, hidden or not, that the torque noise is as large as.
-        beams: flexible links bend as geometrically exact beams in the recordings.
-        warming: of a joint with a thermometer, whether its friction minds or not.
-        conditions: what the robot file says and leaves out, and how the torque was recorded.
+        validation: reference motion of the held-out recording.
+        noise_ratio: torque noise relative to the torque of `noise_of` at its joint; None leaves the noise.
+        noise_of: the effect, hidden or not, that sets the torque noise.
+        beams: flexible links are simulated as geometrically exact beams.
+        warming: temperature of a joint with a thermometer, whether its friction depends on it or not.
+        conditions: contents of the robot file, and the way in which the torque is recorded.
     """
 
     number: int
@@ -90,7 +90,7 @@ class Design(Sealed):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What is hidden from the catalogue, as `ID@PLACE`."""
+        """Hidden effects of the catalogue, as `ID@PLACE`."""
         return tuple(f"{use.effect}@{use.at}" for use in self.hidden)
 
     @property
@@ -102,9 +102,9 @@ class Design(Sealed):
 class Truth(Sealed):
     """All cases of a challenge.
 
-    It is a function of the first number and of how many there are, `nonce` included: whoever knows these and
-    has this program can draw it. What keeps it from a diagnosis is that the diagnosing process has neither.
-    In the demo the nonce is random. It keeps its truth from being guessed out of its fingerprint.
+    It is a function of the first number and the number of cases, `nonce` included: whoever knows these and
+    has this program can draw it. The diagnosing process has neither.
+    In the demo the nonce is random, so that the truth cannot be guessed from its fingerprint.
     """
 
     schema_version: int = SCHEMA
@@ -120,10 +120,10 @@ class Truth(Sealed):
 
 
 def commitment(truth: Truth) -> str:
-    """SHA-256 of the whole truth in a fixed notation."""
+    """SHA-256 of the truth in canonical form."""
     return hashlib.sha256(canonical(truth)).hexdigest()
 
 
 def canonical(truth: Truth) -> bytes:
-    """The truth as JSON with sorted keys: the same bytes for the same content."""
+    """The truth as canonical JSON with sorted keys."""
     return json.dumps(truth.model_dump(mode="json"), sort_keys=True, separators=(",", ":")).encode()

@@ -1,1 +1,1 @@
-"""From a design to the files of a case."""
+"""Generation of the files of a case from its design."""

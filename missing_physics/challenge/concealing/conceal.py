@@ -1,4 +1,4 @@
-"""From a design to the files of a case: simulate in Exudyn, tune if the family asks for it, write."""
+"""Generation of a case's files from its design: simulate in Exudyn, tune the robot file if required."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 from exudyn_model import ExtraForce, Flexible, measured, simulate
 from missing_physics.challenge.cases.truth import Design
 from missing_physics.challenge.concealing.recorded_torque import TorquePath, logged
-from missing_physics.challenge.concealing.torque_sensors import as_noisy_as, louder, quiet, torque_sensors
+from missing_physics.challenge.concealing.torque_sensors import (
+    torque_sensors,
+    with_noise_factor,
+    with_noise_of_effect,
+    without_noise,
+)
 from missing_physics.challenge.concealing.tuned_file import limits_of, tuned
 from missing_physics.challenge.draws import warming
 from missing_physics.challenge.draws.file_errors import with_file_errors
@@ -28,31 +33,31 @@ __all__ = ["EXACT", "FILES", "Concealed", "concealed", "with_exact"]
 
 Array = NDArray[np.float64]
 
-#: What a case folder holds, the same in every family.
+#: Files of a case folder, the same in every family.
 FILES = ("robot.toml", "recording.csv", "validation.csv")
-#: Both recordings without sensors, sealed until the score: they need not be simulated again then.
+#: Both recordings without sensors, sealed until the score so that they need not be simulated again.
 EXACT = "exact.npz"
-#: How far a joint may come out of its limits, as a part of their range.
+#: Largest excess over the position limits, as a fraction of their range.
 RUNAWAY = 1.0
-#: How many times faster than its limit it may be.
+#: Largest speed as a multiple of the velocity limit.
 RACING = 10.0
-#: The same in every case.
+#: Description in the robot file, the same in every case.
 DESCRIPTION = "A robot whose recordings are to be diagnosed"
 
 
 @dataclass(frozen=True)
 class Concealed:
-    """A design carried out. Everything is made again, number by number, each time it is asked for.
+    """A generated case; its contents are reproducible from the design.
 
     Attributes:
-        design: what was drawn.
+        design: the drawn case.
     """
 
     design: Design
 
     @classmethod
     def of(cls, design: Design, exact: Sequence[tuple[Array, Mapping[str, Array]]]) -> Concealed:
-        """The case whose training and held-out recording without sensors (time, channels) are known."""
+        """A case with known training and held-out recordings without sensors (time, channels)."""
         case = cls(design)
         case.__dict__["exact"] = tuple(Recording(time, channels, "Exudyn") for time, channels in exact)
         return case
@@ -72,13 +77,13 @@ class Concealed:
             flexible=bending,
             controller_model=believed,
         )
-        _require_inside(robot, made)
+        _check_limits(robot, made)
         made = self.path.logged(made, self.joints)
         return warming.warmed(self.design.warming, made) if self.design.warming else made
 
     @cached_property
     def path(self) -> TorquePath:
-        """From the actuators' torques to the log."""
+        """Signal path from the actuator torques to the log."""
         robot = self.design.nominal
         assert robot.reference is not None
         hold = getattr(robot.controller, "sample_time", 0.0)
@@ -91,7 +96,7 @@ class Concealed:
 
     @cached_property
     def _file(self) -> Robot:
-        """The machine as the file has it before any tuning; the controller carries these numbers."""
+        """The machine as described by the file before any tuning; the controller uses these parameters."""
         return with_file_errors(self.design.nominal, self.design.conditions.file_errors)
 
     @property
@@ -113,19 +118,20 @@ class Concealed:
 
     @cached_property
     def sensed_by(self) -> Robot:
-        """The nominal robot with the sensors that recorded it; noise is what a channel shows at rest.
+        """The nominal robot with the sensors of the recordings; their noise is that of a channel at rest.
 
-        A command has none, unless noise of an effect's size was drawn: its line is then an analogue one.
+        A command has no noise, unless noise of an effect's size was drawn: it is then transmitted by an
+        analogue line.
         """
         robot, ratio, use = self.design.nominal, self.design.noise_ratio, self.design.noise_of
         if ratio is not None and use is not None:
-            noisy = as_noisy_as(robot, use, ratio, self.exact[0])
-            return louder(noisy, self.path.noise_gain)
-        return louder(robot, 0.0 if self.path.record.digital else self.path.noise_gain)
+            noisy = with_noise_of_effect(robot, use, ratio, self.exact[0])
+            return with_noise_factor(noisy, self.path.noise_gain)
+        return with_noise_factor(robot, 0.0 if self.path.record.digital else self.path.noise_gain)
 
     @cached_property
     def recordings(self) -> tuple[Recording, Recording]:
-        """What the sensors recorded."""
+        """Training and held-out recording with sensors."""
         sensors = self.sensed_by.sensors
         robots = (r.model_copy(update={"sensors": sensors}) for r in (self._real, self._other))
         one, two = (
@@ -142,30 +148,32 @@ class Concealed:
         return warming.with_thermometer(warm, exact, made, seed) if warm else made
 
     def _sensed(self, robot: Robot, exact: Recording, seed: int) -> Recording:
-        """What the sensors make of the torques as logged, and of every other channel."""
+        """Apply the sensors to the logged torques and to every other channel."""
         exact = exact.with_channels({f"{joint}.torque": logged(exact, joint) for joint in self.joints})
         if self.path.record.kind != "filtered":
             return measured(robot, exact, seed=seed)
-        made = measured(quiet(robot), exact, seed=seed)
-        noisy = {s.channel: self._behind_filter(s, made[s.channel], seed) for s in torque_sensors(robot)}
+        made = measured(without_noise(robot), exact, seed=seed)
+        noisy = {
+            s.channel: self._with_filtered_noise(s, made[s.channel], seed) for s in torque_sensors(robot)
+        }
         return made.with_channels(noisy)
 
     def noiseless(self, which: int) -> Recording:
-        """What the sensors would record without noise and rounding: 0 is the first recording, 1 the other."""
+        """Recording without noise and rounding: 0 is the training recording, 1 the held-out one."""
         sensors = [s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in self.sensed_by.sensors]
         exact = self.exact[which]
         exact = exact.with_channels({f"{joint}.torque": logged(exact, joint) for joint in self.joints})
         return measured(self._real.model_copy(update={"sensors": tuple(sensors)}), exact)
 
-    def _behind_filter(self, sensor: Sensor, values: Array, seed: int) -> Array:
-        """With noise that passed the low-pass, then rounded."""
+    def _with_filtered_noise(self, sensor: Sensor, values: Array, seed: int) -> Array:
+        """Add low-pass filtered noise, then round."""
         chance = np.random.default_rng([seed, zlib.crc32(sensor.channel.encode()), 43])
         values = values + sensor.noise * self.path.noise(len(values), chance)
         return np.round(values / sensor.resolution) * sensor.resolution if sensor.resolution > 0 else values
 
     @cached_property
     def given(self) -> Robot:
-        """The robot that the diagnosis gets."""
+        """The robot file for the diagnosis."""
         robot = self._file.model_copy(update={"sensors": self.sensed_by.sensors})
         if self.design.family == "tuned_away":
             robot = tuned(robot, self.exact[0], self.recordings[0], limits_of(self._file, self.design))
@@ -178,10 +186,10 @@ class Concealed:
         return robot.model_copy(update=withheld)
 
     def completed(self, robot: Robot) -> Robot:
-        """`robot` with the sensors, controller and held-out reference that its file may not have."""
+        """`robot` with the sensors, controller and held-out reference that its file may lack."""
         nominal = self.design.nominal
-        there = {"sensors": self.sensed_by.sensors, "controller": nominal.controller}
-        return robot.model_copy(update={**there, "reference": self.design.validation})
+        added = {"sensors": self.sensed_by.sensors, "controller": nominal.controller}
+        return robot.model_copy(update={**added, "reference": self.design.validation})
 
     def files(self) -> dict[str, bytes]:
         """Contents of the case folder by name."""
@@ -190,10 +198,10 @@ class Concealed:
         return dict(zip(FILES, (robot, *tables)))
 
 
-def _require_inside(robot: Robot, made: Recording) -> None:
-    """Raise `InputError` where a joint ran far out of its limits, as a sampled controller may make it do.
+def _check_limits(robot: Robot, made: Recording) -> None:
+    """Raise `InputError` if a joint moved far beyond its limits, as under an unstable sampled controller.
 
-    A machine would have been stopped; such a recording is not one of a robot at work.
+    A real machine would have been stopped, so that such a recording is unrealistic.
     """
     for joint in robot.moving_joints:
         times = float(np.abs(made[f"{joint.name}.velocity"]).max()) / (joint.velocity_limit or math.inf)
@@ -208,13 +216,13 @@ def _require_inside(robot: Robot, made: Recording) -> None:
 
 
 def concealed(design: Design) -> Mapping[str, bytes]:
-    """The files of a case, and `EXACT`. Raises `InputError` when its robot cannot be simulated."""
+    """The files of a case, and `EXACT`. Raises `InputError` if its robot cannot be simulated."""
     case = Concealed(design)
     return {**case.files(), EXACT: _npz(case.exact)}
 
 
 def with_exact(design: Design, content: bytes) -> Concealed:
-    """The case whose `EXACT` is known."""
+    """The case with known content of `EXACT`."""
     with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
         parts = [{k[1:]: arrays[k] for k in arrays.files if k[0] == number} for number in "01"]
     return Concealed.of(design, [(part.pop("time"), part) for part in parts])

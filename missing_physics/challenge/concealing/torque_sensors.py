@@ -1,4 +1,4 @@
-"""Sensors of torque: their noise for a case, and noise as large as what an effect does."""
+"""Torque sensors: their noise in a case, and noise of the size of an effect."""
 
 from __future__ import annotations
 
@@ -8,42 +8,42 @@ from numpy.typing import NDArray
 from missing_physics.challenge.torques.along import ArmAlong
 from robot_model import EffectUse, Recording, Robot, Sensor
 
-__all__ = ["as_noisy_as", "effect_size", "louder", "quiet", "torque_sensors"]
+__all__ = ["effect_size", "torque_sensors", "with_noise_factor", "with_noise_of_effect", "without_noise"]
 
 Array = NDArray[np.float64]
 
-#: What varies by less, relative to the largest, is constant.
+#: Values that vary by less, relative to the largest, are constant.
 ROUNDING = 1e-9
-#: What does less than this share of the sensor's noise does nothing here, and is no measure of noise.
+#: An effect below this fraction of the sensor's noise is negligible and does not set the noise.
 FAINT = 0.05
 
 
 def torque_sensors(robot: Robot) -> tuple[Sensor, ...]:
-    """Those of the joints' torques."""
+    """Torque sensors of the joints."""
     return tuple(sensor for sensor in robot.sensors if sensor.channel.endswith(".torque"))
 
 
-def louder(robot: Robot, factor: float) -> Robot:
-    """The noise of its torque channels times `factor`; their resolution stays."""
+def with_noise_factor(robot: Robot, factor: float) -> Robot:
+    """`robot` with the noise of its torque channels times `factor`; their resolution stays."""
     torques = torque_sensors(robot)
     changed = [s.model_copy(update={"noise": factor * s.noise}) if s in torques else s for s in robot.sensors]
     return robot.model_copy(update={"sensors": tuple(changed)})
 
 
-def quiet(robot: Robot) -> Robot:
-    """Torque channels without noise and rounding."""
+def without_noise(robot: Robot) -> Robot:
+    """`robot` with torque channels without noise and rounding."""
     exact, torques = {"noise": 0.0, "resolution": 0.0}, torque_sensors(robot)
     changed = [s.model_copy(update=exact) if s in torques else s for s in robot.sensors]
     return robot.model_copy(update={"sensors": tuple(changed)})
 
 
-def as_noisy_as(robot: Robot, use: EffectUse, ratio: float, exact: Recording) -> Robot:
-    """Torque sensors whose noise, where an effect sits, is `ratio` times what it does there, or would do.
+def with_noise_of_effect(robot: Robot, use: EffectUse, ratio: float, exact: Recording) -> Robot:
+    """`robot` with torque noise `ratio` times as large as an effect at its joint.
 
     Args:
-        robot: without the effect.
+        robot: robot without the effect.
         use: the effect.
-        ratio: of the noise to the effect's size.
+        ratio: ratio of the noise to the effect's torque.
         exact: a recording of the robot without sensors.
     """
     along = ArmAlong(robot, exact)
@@ -63,7 +63,7 @@ def as_noisy_as(robot: Robot, use: EffectUse, ratio: float, exact: Recording) ->
 
 
 def effect_size(part: Array) -> float:
-    """rms about its mean of what an effect does; of one that is constant but for rounding, the rms."""
+    """Standard deviation of an effect's torque; the rms if it is constant up to rounding."""
     varying = float(np.sqrt(np.mean((part - part.mean()) ** 2)))
     if varying < ROUNDING * float(np.abs(part).max()):
         return float(np.sqrt(np.mean(part**2)))

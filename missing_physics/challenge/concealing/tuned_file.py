@@ -1,4 +1,4 @@
-"""A robot file that was tuned: masses and friction fitted to a recording, without what is missing."""
+"""A tuned robot file: masses and friction fitted to a recording without the hidden physics."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ __all__ = ["limits_of", "tuned"]
 
 Array = NDArray[np.float64]
 
-#: How far somebody tunes a mass or a friction coefficient to make a fit look fine.
+#: Range of relative changes by which a mass or friction coefficient is tuned.
 TUNED = (-0.5, 1.0)
 
 
 def limits_of(file: Robot, design: Design) -> dict[str, tuple[float, float]]:
-    """How far masses and friction of a file may be tuned: within what is drawn anyway, not to its very ends.
+    """Limits for tuning masses and friction of a file, strictly within the range of the draws.
 
-    Shares by the names of `tunable`.
+    Relative changes by the names of `tunable`.
     """
     d, found = Draw(np.random.default_rng([design.number, 31])), {}
     now = tunable(file)
@@ -39,9 +39,9 @@ def limits_of(file: Robot, design: Design) -> dict[str, tuple[float, float]]:
 def tuned(
     robot: Robot, exact: Recording, recording: Recording, limits: Mapping[str, tuple[float, float]]
 ) -> Robot:
-    """`robot` with body masses, rotors and friction fitted to the recorded torque, nothing else added.
+    """`robot` with body masses, rotor inertias and friction fitted to the recorded torque.
 
-    Each body is made heavier or lighter as a whole, so that it stays a possible body; `limits` are shares.
+    All inertial parameters of a body are scaled together, so that it stays realisable; `limits` are relative.
     """
     along = ArmAlong(robot, exact)
     rows = [k for k, joint in enumerate(along.joints) if f"{joint}.torque" in recording]
@@ -63,11 +63,11 @@ def tuned(
     shares = np.zeros(len(columns))
     shares[seen] = lsq_linear(matrix[:, seen], target.ravel(), bounds=ends[seen].T).x
     named = dict(zip([*bodies, *rotors], shares))
-    return _with_shares(robot, named, shares[len(named) :])
+    return _scaled(robot, named, shares[len(named) :])
 
 
-def _with_shares(robot: Robot, bodies: Mapping[str, float], friction: Array) -> Robot:
-    links = tuple(_heavier(link, 1 + float(bodies[link.name])) for link in robot.links)
+def _scaled(robot: Robot, bodies: Mapping[str, float], friction: Array) -> Robot:
+    links = tuple(_scaled_link(link, 1 + float(bodies[link.name])) for link in robot.links)
     joints = tuple(
         joint.model_copy(
             update={
@@ -80,16 +80,16 @@ def _with_shares(robot: Robot, bodies: Mapping[str, float], friction: Array) -> 
         else joint
         for joint in robot.joints
     )
-    effects = tuple(_stronger(use, 1 + float(share)) for use, share in zip(robot.effects, friction))
+    effects = tuple(_scaled_effect(use, 1 + float(share)) for use, share in zip(robot.effects, friction))
     return robot.model_copy(update={"links": links, "joints": joints, "effects": effects})
 
 
-def _heavier(link: Link, factor: float) -> Link:
+def _scaled_link(link: Link, factor: float) -> Link:
     inertia = tuple(factor * moment for moment in link.inertia)
     return link.model_copy(update={"mass": factor * link.mass, "inertia": inertia})
 
 
-def _stronger(use: EffectUse, factor: float) -> EffectUse:
-    """A nominal law (viscous, Coulomb: linear in its only parameter) made stronger."""
+def _scaled_effect(use: EffectUse, factor: float) -> EffectUse:
+    """A nominal friction law (viscous or Coulomb, linear in its only parameter) scaled by a factor."""
     values = {key: factor * value for key, value in use.parameters.items()}
     return EffectUse.model_validate({"effect": use.effect, "at": use.at, **values})

@@ -1,4 +1,4 @@
-"""What is wrong in a robot file, tuned or not, and whether a named change takes it back."""
+"""Errors of a robot file, tuned or not, and whether a finding corrects them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from missing_physics.challenge.cases.ranges import inertial_numbers
 from missing_physics.challenge.cases.truth import Design
 from robot_model import Base, Joint, Link, Robot
 
-__all__ = ["might_take_back", "takes_back", "tunable"]
+__all__ = ["corrects_file", "may_correct_file", "tunable"]
 
-#: A number that is off by less, relative to itself, counts as right: half of the smallest error of a file.
+#: A parameter with a smaller relative error counts as correct: half of the smallest error of a file.
 LEAST = 0.005
 PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
 GROUPS = (
@@ -24,22 +24,22 @@ GROUPS = (
 
 
 def tunable(robot: Robot) -> dict[str, float]:
-    """Masses of links, rotors and friction by link, joint and `ID@PLACE`."""
+    """Masses of links, rotor inertias and friction by link, joint and `ID@PLACE`."""
     found = {link.name: link.mass for link in robot.links}
     found |= {joint.name: joint.actuator.rotor_inertia for joint in robot.moving_joints if joint.actuator}
     return found | {f"{use.effect}@{use.at}": next(iter(use.parameters.values())) for use in robot.effects}
 
 
-def takes_back(design: Design, given: Robot, item: Mapping[str, Any]) -> bool:
-    """Whether a finding takes a wrong number of the robot file back towards the machine's.
+def corrects_file(design: Design, given: Robot, item: Mapping[str, Any]) -> bool:
+    """Whether a finding corrects a wrong parameter of the robot file towards the machine's.
 
-    The numbers are those that were tuned and those that a file has wrong. Friction of the file is named as a
-    whole, in place of the file's number; masses of a body by what a payload, or all inertial numbers
-    together, add to them. A rotor counts as part of the link that it turns.
+    Wrong parameters are tuned ones and errors of the file. A finding of friction replaces the whole
+    coefficient of the file; a payload, or all inertial parameters together, are added to those of the
+    body. A rotor counts as part of the link that it turns.
     """
     effect, at = str(item["effect"]), str(item["location"])
     values = {name: float(estimate["value"]) for name, estimate in item["parameters"].items()}
-    wrong = _wrong(design.nominal, given)
+    wrong = _wrong_parameters(design.nominal, given)
     if (label := f"{effect}@{at}") in wrong:
         use = next(use for use in given.effects if f"{use.effect}@{use.at}" == label)
         own = use.parameters
@@ -53,33 +53,35 @@ def takes_back(design: Design, given: Robot, item: Mapping[str, Any]) -> bool:
         heavier = _mass(real) - _mass(file)
         return values.get("mass", 0.0) * (heavier if abs(heavier) > LEAST * _mass(file) else rotor) > 0
     wanted = {name: value - inertial_numbers(file)[name] for name, value in inertial_numbers(real).items()}
-    for name, value in _turned(turning, rotor).items() if turning and rotor else ():
+    for name, value in _rotor_inertia(turning, rotor).items() if turning and rotor else ():
         wanted[name] += value
-    return _goes_along(values, wanted, inertial_numbers(file))
+    return _same_direction(values, wanted, inertial_numbers(file))
 
 
-def might_take_back(design: Design, given: Robot, label: str) -> bool:
-    """Whether an effect at a place, its numbers unknown, may stand for a wrong number of the robot file."""
+def may_correct_file(design: Design, given: Robot, label: str) -> bool:
+    """Whether an effect at a place, of unknown size, may correct a wrong parameter of the robot file."""
     effect, _, at = label.partition("@")
     file, real = _body(given, at), _body(design.nominal, at)
     if file is None or real is None or effect not in ("inertia", "payload"):
-        return label in _wrong(design.nominal, given)
+        return label in _wrong_parameters(design.nominal, given)
     turned = {joint.name for joint in given.moving_joints if joint.child == at}
-    return file != real or bool(turned & set(_wrong(design.nominal, given)))
+    return file != real or bool(turned & set(_wrong_parameters(design.nominal, given)))
 
 
-def _wrong(real: Robot, file: Robot) -> dict[str, float]:
-    """The machine's number minus the file's, of those that are wrong; names as in `tunable`."""
+def _wrong_parameters(real: Robot, file: Robot) -> dict[str, float]:
+    """The machine's parameter minus the file's, for wrong ones; names as in `tunable`."""
     before, after = tunable(real), tunable(file)
     changes = {name: before[name] - after[name] for name in before}
     return {name: change for name, change in changes.items() if abs(change) > LEAST * after[name]}
 
 
-def _goes_along(values: Mapping[str, float], wanted: Mapping[str, float], own: Mapping[str, float]) -> bool:
-    """Whether a named change of inertial numbers has the direction of the wanted one, where there is one."""
+def _same_direction(
+    values: Mapping[str, float], wanted: Mapping[str, float], own: Mapping[str, float]
+) -> bool:
+    """Whether a change of inertial parameters has the direction of the wanted one, if there is one."""
     if not any(_size(group, wanted) > LEAST * _size(group, own) for group in GROUPS):
         return False
-    return sum(_along(group, values, wanted, own) for group in GROUPS) > 0
+    return sum(_projection(group, values, wanted, own) for group in GROUPS) > 0
 
 
 def _body(robot: Robot, name: str) -> Base | Link | None:
@@ -89,7 +91,7 @@ def _body(robot: Robot, name: str) -> Base | Link | None:
 
 
 def _mass(body: Base | Link) -> float:
-    """Mass [kg], that of a beam and of its tip included."""
+    """Mass [kg], including that of a beam and of its tip."""
     beam = getattr(body, "beam", None)
     return body.mass + (beam.mass + beam.tip.mass if beam else 0.0)
 
@@ -98,8 +100,8 @@ def _size(group: tuple[str, ...], numbers: Mapping[str, float]) -> float:
     return float(np.linalg.norm([numbers[name] for name in group]))
 
 
-def _turned(joint: Joint, rotor: float) -> dict[str, float]:
-    """What a rotor is to the body that it moves: inertia about the joint's axis, or mass."""
+def _rotor_inertia(joint: Joint, rotor: float) -> dict[str, float]:
+    """Contribution of a rotor to the body that it moves: inertia about the joint's axis, or mass."""
     assert joint.actuator is not None
     seen = rotor * joint.actuator.gear_ratio**2
     if joint.kind == "prismatic":
@@ -109,9 +111,9 @@ def _turned(joint: Joint, rotor: float) -> dict[str, float]:
     return {f"inertia_{p}": float(moments["xyz".index(p[0]), "xyz".index(p[1])]) for p in PAIRS}
 
 
-def _along(
+def _projection(
     group: tuple[str, ...], values: Mapping[str, float], wanted: Mapping[str, float], own: Mapping[str, float]
 ) -> float:
-    """How far the named change goes with the wanted one, relative to the body's own numbers."""
+    """Projection of a change onto the wanted one, relative to the body's own parameters."""
     size = sum(max(abs(own[name]), abs(wanted[name])) ** 2 for name in group)
     return sum(values.get(name, 0.0) * wanted[name] for name in group) / size if size else 0.0

@@ -1,10 +1,10 @@
-"""A process that sees its case and the program that diagnoses, and of everything else as little as can be.
+"""Isolation of the diagnosing process: it sees its case, the diagnosis, and as little else as possible.
 
-The environment is emptied, the working folder is a fresh copy of the case, and standard input is closed. On
-Linux, where `unshare` and `setpriv` are there and allowed, the process also lives in namespaces of its own,
-without any privilege, under a root folder made for it: Python, its libraries, the system's programs, this
-program without the challenge, and the case. No other file is there, neither the challenge's folder nor the
-checkout nor other cases; there is no network, and no other process is seen.
+The environment is emptied, the working folder is a new copy of the case, and standard input is closed. On
+Linux, if `unshare` and `setpriv` are available and allowed, the process also runs in namespaces of its own,
+without any privilege, under a separate root folder with Python, its libraries, the system's programs, this
+program without the challenge, and the case. Other files, such as the challenge's folder, the
+checkout and other cases, the network and other processes are not accessible.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robot_model.system.owners import held, own_prefix
 
 __all__ = ["CASE", "EMPTIED", "NAMESPACES", "case_folder", "environment", "isolation", "prefix"]
 
-#: Words for a report.
+#: Descriptions for a report.
 NAMESPACES = (
     "namespaces of its own without network and privileges, under a root folder that holds Python, libraries, "
     "the diagnosis and the case"
@@ -38,8 +38,8 @@ UNSHARE = (
     *("unshare", "--user", "--map-root-user", "--mount", "--pid", "--fork", "--kill-child"),
     *("--mount-proc", "--net", "--ipc"),
 )
-#: Makes a root folder by the orders before `--` and runs what follows in it, without any privilege. In such a
-#: folder nobody can make a user namespace, so that privileges do not come back.
+#: Creates a root folder by the orders before `--` and runs the command after it without any privilege. In
+#: such a folder no user namespace can be created, so that privileges cannot be regained.
 SETUP = """
 set -e
 trap 'exit 75' EXIT
@@ -62,18 +62,18 @@ mkdir -p -m 1777 "$root/dev/shm"
 exec unshare --root="$root" --wd="$folder" -- \\
   setpriv --bounding-set=-all --inh-caps=-all --ambient-caps=-all --no-new-privs -- "$@"
 """
-#: What the system's programs and libraries need; what is missing on a machine is left out.
+#: Files of the system's programs and libraries; those missing on a machine are skipped.
 SYSTEM = (
     *("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/nix/store", "/gnu/store"),
     *("/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d", "/etc/alternatives", "/etc/localtime"),
     *("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"),
 )
 #: Parts of this program that a diagnosis needs.
-ROOMS = ("robot_model", "reference_model", "missing_physics")
-#: The part that draws truths.
+PACKAGES = ("robot_model", "reference_model", "missing_physics")
+#: The part that draws the truth.
 SECRET = Path("missing_physics", "challenge")
-#: What has to hold inside before it is called isolated.
-LOOK = """
+#: Conditions that must hold inside for it to be called isolated.
+PROBE = """
 import importlib.util, sys
 from pathlib import Path
 import casadi, numpy, robot_model
@@ -85,14 +85,14 @@ assert importlib.util.find_spec("missing_physics.diagnosis")
 assert importlib.util.find_spec("missing_physics.challenge.draws") is None
 Path("tried").write_text("x")
 """
-#: What the names of the folders of cases begin with.
+#: Prefix of the names of case folders.
 CASE = "case-"
 PROBE_SECONDS = 60.0
 _lock = threading.Lock()
 
 
 def environment(home: Path) -> Mapping[str, str]:
-    """All that the process finds in its environment."""
+    """Complete environment of the process."""
     return {
         "PATH": os.defpath,
         "HOME": str(home),
@@ -107,7 +107,7 @@ def environment(home: Path) -> Mapping[str, str]:
 
 @contextmanager
 def case_folder() -> Iterator[Path]:
-    """A fresh folder with `in` and `out` for a case, and a place beside it for its root folder."""
+    """A new folder with `in` and `out` for a case, and next to it a folder for its root."""
     with tempfile.TemporaryDirectory(prefix=own_prefix(CASE)) as name, held(Path(name)):
         folder = Path(name).resolve() / "case"
         for made in (folder / "in", folder / "out", folder.parent / "root"):
@@ -116,22 +116,22 @@ def case_folder() -> Iterator[Path]:
 
 
 def prefix(folder: Path, hidden: Sequence[Path] = ()) -> list[str]:
-    """What stands before a command to isolate it; empty where the system does not allow it.
+    """Prefix of a command that isolates it; empty if the system does not allow it.
 
     Args:
-        folder: of the case, from `case_folder`.
-        hidden: folders that must not be seen, wherever they lie.
+        folder: folder of the case, from `case_folder`.
+        hidden: folders that must not be accessible, wherever they are.
     """
     return _prefix(folder, hidden) if namespaces_allowed() else []
 
 
 def isolation() -> str:
-    """How far processes are isolated on this machine, in words."""
+    """Description of the isolation on this machine."""
     return NAMESPACES if namespaces_allowed() else EMPTIED
 
 
 def namespaces_allowed() -> bool:
-    """Whether a process can be isolated and still diagnose; tried once."""
+    """Whether a process can be isolated and still diagnose; tested once."""
     with _lock:
         return _tried()
 
@@ -145,7 +145,7 @@ def _tried() -> bool:
         seen.write_text("x")
         try:
             done = subprocess.run(
-                [*_prefix(folder, ()), sys.executable, "-c", LOOK, str(seen)],
+                [*_prefix(folder, ()), sys.executable, "-c", PROBE, str(seen)],
                 cwd=folder / "in",
                 env=dict(environment(folder)),
                 stdin=subprocess.DEVNULL,
@@ -166,12 +166,12 @@ def _prefix(folder: Path, hidden: Sequence[Path]) -> list[str]:
 
 
 def _sources() -> Path:
-    """The folder that this program lies in: a checkout, or where packages are installed."""
+    """The folder of this program: a checkout, or the folder of installed packages."""
     return Path(__file__).resolve().parents[3]
 
 
 def _orders(hidden: Sequence[Path]) -> list[tuple[str, ...]]:
-    """What to put into the root folder, outer folders first: links, what is shown, what is covered in it."""
+    """Orders for the root folder, outer folders first: links, visible and covered folders."""
     orders: list[tuple[str, ...]] = []
     shown: set[Path] = set()
     for place in map(Path, SYSTEM):
@@ -185,7 +185,7 @@ def _orders(hidden: Sequence[Path]) -> list[tuple[str, ...]]:
     covered |= {Path(tempfile.gettempdir()).resolve(), *(path.resolve() for path in hidden)}
     if _is_checkout(_sources()):
         covered.add(_sources())
-    shown |= {_sources() / room for room in ROOMS}
+    shown |= {_sources() / package for package in PACKAGES}
     done: dict[Path, str] = {}
     for place in sorted(shown | covered, key=lambda path: path.parts):
         around = next((done[outer] for outer in place.parents if outer in done), "cover")
@@ -197,7 +197,7 @@ def _orders(hidden: Sequence[Path]) -> list[tuple[str, ...]]:
 
 
 def _interpreter() -> set[Path]:
-    """Folders of Python and of its environment, and every link on the way to its program."""
+    """Folders of Python and of its environment, and every link that leads to its executable."""
     found = {Path(place) for place in (sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix)}
     found |= {place.resolve() for place in found}
     link = Path(sys.executable)

@@ -1,4 +1,4 @@
-"""Several files as one stream of bytes, to hand them from process to process without a disk between."""
+"""Several files as one stream of bytes, to pass them between processes without writing them to disk."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ __all__ = ["packed", "unpacked"]
 
 
 def packed(files: Mapping[str, bytes]) -> bytes:
-    """A line with names and lengths, and the contents after it."""
+    """A line with names and lengths, followed by the contents."""
     lengths = {name: len(content) for name, content in files.items()}
     return b"\n".join([json.dumps(lengths).encode(), b"".join(files.values())])
 
 
 def unpacked(parcel: bytes) -> dict[str, bytes]:
-    """The files of a parcel; raises ValueError where it does not end as it should."""
+    """The files of a parcel; raises ValueError if its length is wrong."""
     head, _, rest = parcel.partition(b"\n")
     files: dict[str, bytes] = {}
     for name, length in json.loads(head).items():

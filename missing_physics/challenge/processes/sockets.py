@@ -1,8 +1,9 @@
-"""No socket to the machine's host: a filter of system calls around the process that diagnoses.
+"""Filter of system calls for the diagnosing process, which prevents sockets to the host of a virtual machine.
 
-A network namespace does not cover AF_VSOCK, by which a virtual machine talks to its host. The filter refuses
-`socket(AF_VSOCK)` and `io_uring_setup` (whose operations no filter sees) with EPERM, and ends a process that
-calls by another architecture's numbers (seccomp(2), BPF_MODE_FILTER). It holds for all children.
+A network namespace does not cover AF_VSOCK, by which a virtual machine communicates with its host. The filter
+rejects `socket(AF_VSOCK)` and `io_uring_setup` (whose operations a filter cannot see) with EPERM, and kills a
+process that uses another architecture's call numbers (seccomp(2), BPF_MODE_FILTER). Child processes inherit
+it.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ import sys
 
 __all__ = ["CLOSED", "behind_filter"]
 
-#: Puts the filter on itself, then runs the module named first with the other arguments. It stands alone:
-#: where it runs, nothing of the challenge is there.
+#: Installs the filter, then runs the module given first with the other arguments. It is self-contained:
+#: the challenge is not accessible where it runs.
 CLOSED = """
 import ctypes, platform, runpy, struct, sys
 numbers = {"x86_64": (0xC000003E, 41), "aarch64": (0xC00000B7, 198)}
@@ -43,5 +44,5 @@ runpy.run_module(module, run_name="__main__", alter_sys=True)
 
 
 def behind_filter(module: str, *arguments: str) -> list[str]:
-    """The command that runs a module of Python behind the filter."""
+    """Command that runs a Python module behind the filter."""
     return [sys.executable, "-c", CLOSED, module, *arguments]

@@ -1,8 +1,8 @@
-"""One step of one case in a process of its own: files in, files out, no common disk needed.
+"""One step of one case in a process of its own, with files passed through pipes.
 
-The steps are those of `one_step`, which get and give files through pipes, so that what is hidden lies on no
-disk; the step `diagnose` is the public command itself, in a folder of its own. A step that dies, by whatever
-cause, costs its case another attempt and no other case anything.
+The steps are those of `one_step`, which exchange files through pipes, so that the hidden physics is not
+written to disk; the step `diagnose` is the public command itself, in a folder of its own. A step that dies
+for whatever reason is repeated, without affecting other cases.
 """
 
 from __future__ import annotations
@@ -45,28 +45,28 @@ __all__ = [
 Step = Literal["conceal", "diagnose", "score"]
 Status = Literal["done", "refused", "failed", "stopped"]
 
-#: A case is given up after so many processes that died.
+#: Maximum number of processes per case, if they die.
 ATTEMPTS = 3
-#: Longest time of one attempt [s]; far beyond what a case takes on a busy machine. Another one would take as
-#: long again.
+#: Maximum time of one attempt [s], far longer than a case takes on a busy machine, and the exit code of an
+#: attempt that exceeds it, which is not repeated.
 LONGEST, TOO_LONG = 1800.0, 1
-#: Exit code of the command line for input that it cannot use.
+#: Exit code of the command line for unusable input.
 UNUSABLE = 2
-#: Exit code where the machine refused something, as room on the disk: it says nothing about the case.
+#: Exit code if the machine failed, for instance for lack of disk space; it does not concern the case.
 STOPPED = 75
-#: Exit codes from here on mean a signal or of a process that could not be started, as negative ones do.
+#: Exit codes from here on, like negative ones, mean a signal or a process that could not be started.
 KILLED = 125
 ENDS: dict[int, Status] = {0: "done", UNUSABLE: "refused", STOPPED: "stopped"}
-#: What is kept of a diagnosis.
+#: Files kept of a diagnosis.
 KEPT = ("diagnosis.json", "robot.augmented.toml", "comparison.rrd", "report.html")
-#: The module that is run for a step; nothing else imports it, so that Python finds it unloaded.
+#: The module that is run for a step; no other module imports it.
 STAGE = "missing_physics.challenge.one_step"
-#: What the names of the folders of steps begin with.
+#: Prefix of the names of the steps' folders.
 STEP = "step-"
-#: Characters kept of a failing process's last words.
-LAST_WORDS = 2000
+#: Characters kept of the error output of a failing process.
+LAST_OUTPUT = 2000
 
-#: Processes under way in this process and the tag of each, so that an interrupt can end them.
+#: Running child processes and the tag of each, so that an interrupt can end them.
 LIVE: dict[subprocess.Popen[bytes], str] = {}
 _lock = threading.Lock()
 _ending: set[str] = set()
@@ -74,16 +74,16 @@ _ending: set[str] = set()
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a step.
+    """Result of a step.
 
     Attributes:
-        status: "done"; "refused" when the input was called unusable; "failed" when every attempt died;
-            "stopped" when the machine refused something, so that it is to be tried another time.
+        status: "done"; "refused" if the input is unusable; "failed" if every attempt died;
+            "stopped" if the machine failed, so that the step has to be repeated later.
         files: name to content; empty unless done.
-        message: last words of a step that did not end well.
-        attempts: processes that were started.
-        seconds: of the last one.
-        isolation: how far the process was isolated.
+        message: last error output of an unsuccessful step.
+        attempts: number of processes that were started.
+        seconds: duration of the last one.
+        isolation: description of the isolation of the process.
     """
 
     status: Status
@@ -105,14 +105,16 @@ def carry_out(
     """Run a step on `files` until a process ends by itself, `ATTEMPTS` times at most.
 
     Args:
-        step: which.
-        files: what it gets.
+        step: name of the step.
+        files: input files.
         hidden: folders that a diagnosis must not see.
-        keep: which files of a diagnosis to bring back.
+        keep: files of a diagnosis to return.
         tag: of the challenge that it belongs to, see `end_all`.
     """
     attempts, code = 0, -1
-    while attempts < ATTEMPTS and not 0 <= code < KILLED:  # what ended by itself would end like this again
+    while (
+        attempts < ATTEMPTS and not 0 <= code < KILLED
+    ):  # a step that ended by itself would end the same way again
         if attempts and tag in _ending:
             break
         attempts, began = attempts + 1, monotonic()
@@ -130,7 +132,7 @@ def carry_out(
 def attempt(
     step: Step, files: Mapping[str, bytes], *, hidden: Sequence[str] = (), tag: str = ""
 ) -> tuple[int, dict[str, bytes], str]:
-    """One process: its exit code (negative for a signal), what it made, and its last words."""
+    """One process: its exit code (negative for a signal), its files, and its last error output."""
     if step != "diagnose":
         with (
             tempfile.TemporaryDirectory(prefix=own_prefix(STEP)) as name,
@@ -146,7 +148,7 @@ def attempt(
     with case_folder() as folder:
         for file, content in files.items():
             (folder / "in" / file).write_bytes(content)
-            os.utime(folder / "in" / file, (0, 0))  # when a file was made reveals nothing
+            os.utime(folder / "in" / file, (0, 0))  # file times must not reveal anything
         code, _, words = _process(_command(step, folder, hidden), folder / "in", tag)
         written = untrusted_files(folder, "out", KEPT)
     return code, written, words
@@ -163,7 +165,7 @@ def _command(step: Step, folder: Path, hidden: Sequence[str]) -> list[str]:
 def _process(
     command: Sequence[str], folder: Path, tag: str, given: bytes | None = None
 ) -> tuple[int, bytes, str]:
-    """Exit code, standard output where something was `given`, and last words of a command in `folder`."""
+    """Exit code, standard output if input was `given`, and last error output of a command in `folder`."""
     process = subprocess.Popen(
         [*ends_with_us(), *command],
         cwd=folder,
@@ -175,7 +177,7 @@ def _process(
     )
     with _lock:
         LIVE[process] = tag
-        if tag in _ending:  # the interrupt came while it was started
+        if tag in _ending:  # interrupted while it was started
             end(process)
     try:
         stdout, stderr = process.communicate(given, timeout=LONGEST)
@@ -188,17 +190,17 @@ def _process(
     finally:
         with _lock:
             LIVE.pop(process, None)
-    return process.returncode, stdout or b"", stderr.decode("utf-8", "replace").strip()[-LAST_WORDS:]
+    return process.returncode, stdout or b"", stderr.decode("utf-8", "replace").strip()[-LAST_OUTPUT:]
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process of ours and everything that it started."""
+    """Kill a child process and everything that it started."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
 
 
 def end_all(tag: str = "") -> None:
-    """Kill every step of that tag under way in this process, and begin none again until `begin`."""
+    """Kill every running step of that tag, and start none until `begin`."""
     with _lock:
         _ending.add(tag)
         for process, its in list(LIVE.items()):
@@ -207,17 +209,17 @@ def end_all(tag: str = "") -> None:
 
 
 def begin(tag: str = "") -> None:
-    """Steps of that tag may run; what processes that were killed left behind is removed."""
+    """Allow steps of that tag, and remove folders left by killed processes."""
     _ending.discard(tag)
     remove_left(Path(tempfile.gettempdir()), CASE, STEP)
 
 
 @cache
 def ends_with_us() -> tuple[str, ...]:
-    """What stands before a command so that it is killed when this process dies, however that dies.
+    """Prefix of a command that is to be killed when this process ends for whatever reason.
 
-    The kernel does it on Linux (PR_SET_PDEATHSIG). Elsewhere steps look by themselves (`one_step`), and a
-    diagnosis that is under way ends when it is done.
+    The kernel does it on Linux (PR_SET_PDEATHSIG). Elsewhere steps check it themselves (`one_step`), and a
+    running diagnosis continues until it is done.
     """
     found = shutil.which("setpriv") if sys.platform == "linux" else None
     if found is None:

@@ -1,7 +1,7 @@
-"""Many cases at once: by threads of this process, or through dask by the workers of a scheduler.
+"""Cases in parallel: by threads of this process, or through dask by the workers of a scheduler.
 
-Each step is a process of its own anyhow, which is what a worker that dies must not cost more than. So threads
-start these processes here: nothing that is hidden goes through a socket, or to the disk when memory is short.
+Each step is a process of its own, so that the death of a worker affects only one case. Local threads
+start these processes, so that the hidden physics passes neither through a socket nor to the disk.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from robot_model import InputError
 
 __all__ = ["Work", "carried_out"]
 
-#: Seconds within which a scheduler has to answer.
-PATIENCE = 20
-#: Cases that wait at a scheduler for each thread of its workers, the one under way included.
-AHEAD = 2
+#: Time limit for the answer of a scheduler [s].
+ANSWER_TIME = 20
+#: Cases queued at a scheduler per thread of its workers, including the running one.
+QUEUED = 2
 
 
 class Work:
     """Cases of one step.
 
     Attributes:
-        step: which.
+        step: name of the step.
         hidden: folders that a diagnosis must not see.
         workers, scheduler: as in `Settings`.
-        tag: of this challenge, so that two on one scheduler have nothing in common.
+        tag: identifies this challenge among others on one scheduler.
     """
 
     def __init__(
@@ -53,32 +53,32 @@ class Work:
 def carried_out(
     work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]
 ) -> Iterator[tuple[str, Outcome]]:
-    """Outcomes of `cases` (name and files) as they come; files are read only when their turn is near."""
-    return _on_cluster(work, cases) if work.scheduler else _here(work, cases)
+    """Outcomes of `cases` (name and files) in the order of completion; files are read just in time."""
+    return _on_cluster(work, cases) if work.scheduler else _local(work, cases)
 
 
-def _here(work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]) -> Iterator[tuple[str, Outcome]]:
+def _local(work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]) -> Iterator[tuple[str, Outcome]]:
     begin(work.tag)
     pool = ThreadPoolExecutor(work.workers)
-    under_way: dict[Future[Outcome], str] = {}
+    running: dict[Future[Outcome], str] = {}
     try:
         for name, files in cases:
-            under_way[pool.submit(carry_out, work.step, files, hidden=work.hidden, tag=work.tag)] = name
-            if len(under_way) > work.workers:
-                yield from _finished(under_way)
-        while under_way:
-            yield from _finished(under_way)
+            running[pool.submit(carry_out, work.step, files, hidden=work.hidden, tag=work.tag)] = name
+            if len(running) > work.workers:
+                yield from _finished(running)
+        while running:
+            yield from _finished(running)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        if under_way:
+        if running:
             end_all(work.tag)
             pool.shutdown(wait=True)
 
 
-def _finished(under_way: dict[Future[Outcome], str]) -> Iterator[tuple[str, Outcome]]:
-    done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+def _finished(running: dict[Future[Outcome], str]) -> Iterator[tuple[str, Outcome]]:
+    done, _ = wait(running, return_when=FIRST_COMPLETED)
     for future in done:
-        yield under_way.pop(future), future.result()
+        yield running.pop(future), future.result()
 
 
 def _on_cluster(
@@ -88,12 +88,12 @@ def _on_cluster(
     with _remote(work) as client:
         from distributed import as_completed
 
-        room = AHEAD * max(1, sum(client.nthreads().values()))
+        room = QUEUED * max(1, sum(client.nthreads().values()))
         queue = as_completed([])
 
         def submit(name: str, files: Mapping[str, bytes]) -> None:
-            # No `retries`: what ends by itself would end like this again. How many workers may die of a case
-            # is the scheduler's own `allowed-failures`, three unless it was started otherwise.
+            # No `retries`: a step that ended by itself would end the same way again. How many workers may die
+            # per case is set by the scheduler's `allowed-failures`, three by default.
             words = {"hidden": work.hidden, "tag": work.tag}
             key = f"{work.step}-{name}-{work.tag}"
             future = client.submit(carry_out, work.step, files, **words, key=key, pure=False)
@@ -111,11 +111,11 @@ def _on_cluster(
                     submit(*following)
                 yield name, outcome
         finally:
-            _left(client, names, work.tag)
+            _cancel(client, names, work.tag)
 
 
-def _left(client: Any, names: Mapping[Any, str], tag: str) -> None:
-    """Nothing of this challenge stays at work, whatever ended it, unless the scheduler itself is gone."""
+def _cancel(client: Any, names: Mapping[Any, str], tag: str) -> None:
+    """Cancel the remaining work of this challenge, if the scheduler still runs."""
     with suppress(Exception):
         if names:
             client.cancel(list(names), force=True)
@@ -123,9 +123,9 @@ def _left(client: Any, names: Mapping[Any, str], tag: str) -> None:
 
 
 def _result(future: Any) -> Outcome:
-    """The outcome; a case whose workers died again and again has failed, and no other.
+    """The outcome; only a case whose workers died repeatedly has failed.
 
-    Whatever else goes wrong on a cluster says nothing about the case.
+    Other errors of a cluster do not concern the case.
     """
     from distributed import KilledWorker
 
@@ -140,7 +140,7 @@ def _result(future: Any) -> Outcome:
 
 @contextmanager
 def _remote(work: Work) -> Iterator[Any]:
-    """A client of the scheduler that somebody else started."""
+    """A client of a running scheduler."""
     try:
         from distributed import Client
     except ImportError:
@@ -148,7 +148,7 @@ def _remote(work: Work) -> Iterator[Any]:
             "--scheduler needs dask: install it with `pip install 'missing-physics[cluster]'`."
         ) from None
     try:
-        client = Client(work.scheduler, timeout=PATIENCE)
+        client = Client(work.scheduler, timeout=ANSWER_TIME)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(
             f"no dask scheduler answers at {work.scheduler} ({error}); check --scheduler."

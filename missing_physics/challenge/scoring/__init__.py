@@ -1,1 +1,1 @@
-"""Answers against the truth, and two engines' answers against each other."""
+"""Comparison of answers with the truth, and of the answers of two versions of the diagnosis."""

@@ -1,9 +1,9 @@
-"""What simpler methods make of the same recordings, with more than the diagnosis gets: the exact motion.
+"""Simpler methods on the same recordings, which are also given the exact motion.
 
 * The largest correlation of the torque residual with a single regressor at a single joint.
 * Sparse regression (sequentially thresholded least squares; Brunton, Proctor, Kutz, PNAS 113 (2016)) with
   PySINDy on the same regressors of every joint.
-* The nominal robot with all its inertial numbers and friction fitted again, which names nothing.
+* The nominal robot with all inertial parameters and friction refitted, which names no effect.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ __all__ = ["REGRESSORS", "baselines", "torque_error"]
 Array = NDArray[np.float64]
 Shape = Callable[[Array, Array, Array, Array], Array]
 
-#: Regressors of position, velocity, acceleration and modelled torque of a joint, with the effect each stands
-#: for. The torque is the nominal robot's: beside a recorded one, torque = torque would be a law to be found.
+#: Regressors as functions of position, velocity, acceleration and modelled torque of a joint, by effect.
+#: The torque is the nominal robot's, since the recorded one would be a trivial regressor of itself.
 REGRESSORS: Mapping[str, Shape] = MappingProxyType(
     {
         "coulomb_friction": lambda q, v, a, u: np.sign(v),
@@ -42,7 +42,7 @@ REGRESSORS: Mapping[str, Shape] = MappingProxyType(
 )
 #: Threshold of the sparse regression, for regressors and residual of unit size.
 THRESHOLD = 0.1
-#: Singular values of a refit below this part of the largest are taken for zero.
+#: Relative tolerance of singular values in a refit.
 RANK = 1e-8
 
 
@@ -60,14 +60,14 @@ def baselines(
 
 
 def torque_error(along: ArmAlong, left: Array) -> float:
-    """rms of a torque residual over the sensors' noise, over the joints whose torque is measured."""
+    """rms of a torque residual relative to the sensors' noise, over the joints whose torque is measured."""
     rows = measured_joints(along)
     noise = np.array([_noise(along, k) for k in rows])
     return float(np.sqrt(np.mean((left[:, rows] / noise) ** 2)))
 
 
 def measured_joints(along: ArmAlong) -> list[int]:
-    """Places of the joints whose torque is measured."""
+    """Indices of the joints whose torque is measured."""
     return [k for k, joint in enumerate(along.joints) if along.robot.sensor(f"{joint}.torque")]
 
 
@@ -78,7 +78,7 @@ def _noise(along: ArmAlong, k: int) -> float:
 
 
 def _residual(along: ArmAlong, recording: Recording) -> Array:
-    """Recorded torque minus that of the nominal robot; zero where it is not measured."""
+    """Recorded minus nominal torque; zero if it is not measured."""
     found = np.zeros_like(along.torque)
     for k in measured_joints(along):
         found[:, k] = recording[f"{along.joints[k]}.torque"] - along.nominal()[:, k]
@@ -129,7 +129,7 @@ def _sparse(targets: Pair, libraries: Pair, held_out: ArmAlong) -> ModelScore:
         weights = np.zeros(len(REGRESSORS))
         weights[seen] = np.ravel(fit.coef_) * scale / size[seen]
         left[:, k] -= libraries[1][:, k] @ weights
-        if scale > 1.5 * _noise(held_out, k):  # elsewhere it would name noise
+        if scale > 1.5 * _noise(held_out, k):  # otherwise it would name noise
             named += [f"{name}@{held_out.joints[k]}" for name, w in zip(REGRESSORS, weights) if w != 0]
     return ModelScore(tuple(named), torque_error(held_out, left))
 

@@ -1,9 +1,9 @@
-"""Whether what a gear does is identifiable from the two encoders on its sides.
+"""Whether an effect in a gear is identifiable from the encoders on its two sides.
 
-The difference of both encoders has white noise. The distance of an effect in the gear is the energy of that
-difference, in units of the noise, which no substitute takes over: a constant (where the encoders' zeros are),
-a late or a scaled encoder, an eccentric disc, and whatever else a gear can have that is no less simple. A
-gear that twists in proportion to the torque and its rate stands for an elastic one.
+The difference of both encoders has white noise. The distance of an effect in the gear is the energy of this
+difference, in units of the noise, that no substitute explains: a constant (the encoders' zeros),
+a delayed or scaled encoder, an eccentric disc, and every other effect in a gear that is not less simple. An
+elastic gear twists in proportion to the torque and its rate.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["gear_distance"]
 
 Array = NDArray[np.float64]
 
-#: Torque over which a play's flanks change, as a part of its rms.
+#: Torque over which a backlash changes flanks, as a fraction of the rms torque.
 FLANKS = 0.05
 
 
@@ -31,7 +31,7 @@ def gear_distance(along: ArmAlong, use: EffectUse) -> float:
         return 0.0
     noise = np.sqrt(_variance(motor) + _variance(joint))
     twist = (along.exact[motor.channel] - along.exact[joint.channel]) / noise
-    return float(min(_left(twist, rival) for rival in _rivals(along, use)))
+    return float(min(_residual_energy(twist, rival) for rival in _rivals(along, use)))
 
 
 def _variance(sensor: Sensor) -> float:
@@ -44,7 +44,7 @@ def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
     yield [velocity]
     yield [position]
     yield [np.cos(position), np.sin(position)]
-    if use.effect == "joint_elasticity":  # every other one in a gear says more than that it gives
+    if use.effect == "joint_elasticity":  # every other effect in a gear is less simple
         return
     torque = along.exact[f"{use.at}.gear_torque"]
     elastic = [torque, np.gradient(torque, along.time)]
@@ -54,8 +54,8 @@ def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
         yield [*elastic, side]
 
 
-def _left(target: Array, columns: list[Array]) -> float:
-    """Energy of what a constant and these columns leave of the target."""
+def _residual_energy(target: Array, columns: list[Array]) -> float:
+    """Residual energy of the target after fitting a constant and these columns."""
     matrix = np.column_stack([np.ones_like(target), *columns])
     matrix = matrix / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     return float(np.sum((target - matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0]) ** 2))

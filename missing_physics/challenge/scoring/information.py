@@ -1,13 +1,13 @@
-"""Whether a hidden effect is identifiable at all, judged from the true model and never from an answer.
+"""Whether a hidden effect is identifiable, judged from the true model and independent of any answer.
 
 The recording's torque residual has independent Gaussian coefficients in the cosine basis, with the spectrum
-that torque noise and position noise (differentiated twice by the inverse dynamics) give it: Whittle's
+that follows from torque noise and position noise (differentiated twice by the inverse dynamics): Whittle's
 likelihood. In these whitened coefficients the Fisher information of a parameter is the energy of its column.
-The distance of an effect is the energy of what it does that neither credible errors of the nominal robot nor
-a rival effect can take over, nor an offset of up to 1.5 samples between torques and positions, which is
-timing and no physics: twice the log-likelihood by which the best such substitute falls short. What
-effects of base and surroundings do to other sensors than those of torque is not counted, so that a few are
-called less identifiable than they are. Effects in a gear are weighed by `gear_information`.
+The distance of an effect is the energy of its torque that neither plausible errors of the nominal robot nor
+a rival effect can explain, nor an offset of up to 1.5 samples between torques and positions, which is
+timing and not physics: twice the log-likelihood by which the best substitute falls short. What
+effects of base and environment do to other sensors than those of torque is not counted, so that a few are
+rated less identifiable than they are. Effects in a gear are treated in `gear_information`.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ __all__ = ["IDENTIFIABLE", "distances", "strengths"]
 
 Array = NDArray[np.float64]
 
-#: Twice the log-likelihood that lifts one among 60 rivals (some twenty effects at three places) to a
+#: Twice the log-likelihood that raises one among 60 rivals (some twenty effects at three places) to a
 #: probability of 95 %, 2 log(60 * 19) = 14, and as much again because a quarter of the data is held out and
 #: the filters of a practical diagnosis lose some.
 IDENTIFIABLE = 28.0
-#: Standard deviation of a nominal number's error, relative to itself, that is credible.
-CREDIBLE = 0.3
-#: The same of nominal friction, of which nobody is sure.
+#: Plausible relative standard deviation of the error of a nominal parameter.
+PLAUSIBLE = 0.3
+#: The same for nominal friction, which is uncertain.
 FRICTION = 1.0
-#: Offset between torque and position up to which it is timing [samples]: a held command, a filtered current,
+#: Largest offset between torque and position due to timing [samples]: a held command, a filtered current,
 #: a bus that is read once per sample.
 OFFSET = 1.5
 #: Step of a numerical derivative, relative to the parameter.
 STEP = 1e-4
-#: Parts of a starting value of a rival that are tried at most.
+#: Maximum number of starting values per rival.
 STARTS = 6
 
 
@@ -50,7 +50,7 @@ def distances(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
 
     Args:
         along: the nominal robot along the exact motion, with the sensors that recorded it.
-        hidden: what it lacks.
+        hidden: the hidden effects.
     """
     whiten = _Whitening(along)
     found = {}
@@ -58,35 +58,36 @@ def distances(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
         if isinstance(get_effect(use.effect), GearEffect):
             found[f"{use.effect}@{use.at}"] = gear_distance(along, use)
             continue
-        target, nuisance = _told(along, hidden, use, whiten)
+        target, nuisance = _target_and_nuisance(along, hidden, use, whiten)
         late = whiten(-np.gradient(along.torque, axis=0))
-        nearest = [_left(target, nuisance, np.zeros((target.size, 0)), late=late)]
+        nearest = [_residual_energy(target, nuisance, np.zeros((target.size, 0)), late=late)]
         for rival in _rivals(along, use):
-            nearest.append(_left(target, nuisance, whiten.columns(rival), late=late))
+            nearest.append(_residual_energy(target, nuisance, whiten.columns(rival), late=late))
         found[f"{use.effect}@{use.at}"] = float(min(nearest))
     return found
 
 
 def strengths(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
-    """How far each hidden effect stands out from noise and credible errors alone, no rival taken off."""
+    """Distance of each hidden effect from noise and plausible nominal errors alone, without rivals."""
     whiten = _Whitening(along)
-    told = {f"{use.effect}@{use.at}": _told(along, hidden, use, whiten) for use in hidden}
+    parts = {f"{use.effect}@{use.at}": _target_and_nuisance(along, hidden, use, whiten) for use in hidden}
     return {
-        label: _left(target, prior, np.zeros((target.size, 0))) for label, (target, prior) in told.items()
+        label: _residual_energy(target, prior, np.zeros((target.size, 0)))
+        for label, (target, prior) in parts.items()
     }
 
 
-def _told(
+def _target_and_nuisance(
     along: ArmAlong, hidden: Sequence[EffectUse], use: EffectUse, whiten: _Whitening
 ) -> tuple[Array, Array]:
-    """What a hidden effect does, and the columns of what is uncertain besides."""
+    """Torque of a hidden effect, and columns of the other uncertain quantities."""
     others = [other for other in hidden if other is not use]
     nuisance = whiten.columns([*_nominal_columns(along, use), *_other_columns(along, others)])
     return whiten(along.part(use)), nuisance
 
 
 class _Whitening:
-    """From torques, shape (N, n), to coefficients with unit noise."""
+    """Map from torques, shape (N, n), to coefficients with unit noise."""
 
     def __init__(self, along: ArmAlong) -> None:
         robot, time = along.robot, along.time
@@ -112,11 +113,11 @@ def _variance(sensor: Sensor | None) -> float:
     return sensor.noise**2 + sensor.resolution**2 / 12 if sensor else 0.0
 
 
-def _left(target: Array, prior: Array, free: Array, *, late: Array | None = None) -> float:
+def _residual_energy(target: Array, prior: Array, free: Array, *, late: Array | None = None) -> float:
     """min |target - late c - prior a - free b|^2 + |a|^2 over a, b and |c| <= `OFFSET`.
 
-    What neither credible errors nor a rival take over; `late` is what a delay of all torques by one sample
-    does, if it may.
+    The energy that neither plausible errors nor a rival explain; `late` is the effect of a delay of all
+    torques by one sample, if allowed.
     """
     columns = np.column_stack([target, np.zeros_like(target) if late is None else late])
     (energy, shared), (_, other) = _quadratic_form(columns, prior, free)
@@ -125,7 +126,7 @@ def _left(target: Array, prior: Array, free: Array, *, late: Array | None = None
 
 
 def _quadratic_form(targets: Array, prior: Array, free: Array) -> Array:
-    """What is left of the products of `targets`, shape (N, m), when the others have taken over: (m, m)."""
+    """Products of the residuals of `targets`, shape (N, m), after projection on the others: (m, m)."""
     both = np.hstack([prior, free])
     if both.shape[1] == 0:
         return np.asarray(targets.T @ targets)
@@ -140,7 +141,7 @@ def _quadratic_form(targets: Array, prior: Array, free: Array) -> Array:
 
 
 def _nominal_columns(along: ArmAlong, use: EffectUse) -> Iterator[Array]:
-    """Credible errors of the nominal robot, those of a body left out whose own change is hidden."""
+    """Plausible errors of the nominal robot, except of a body whose own change is hidden."""
     own = use.at if isinstance(get_effect(use.effect), BodyEffect) else ""
     numbers = dict(zip(along.model.inertial_names, along.model.inertial))
     largest: dict[str, float] = {}
@@ -150,15 +151,15 @@ def _nominal_columns(along: ArmAlong, use: EffectUse) -> Iterator[Array]:
     for k, name in enumerate(along.model.inertial_names):
         body = name.split(".")[0]
         if body not in (own, "gravity"):
-            yield CREDIBLE * largest[".".join(name.split(".")[:2])] * along.regressor[:, :, k]
+            yield PLAUSIBLE * largest[".".join(name.split(".")[:2])] * along.regressor[:, :, k]
     for column in along.beam_columns:
-        yield CREDIBLE * column
+        yield PLAUSIBLE * column
     for nominal in along.robot.effects:
         yield FRICTION * along.part(nominal)
 
 
 def _other_columns(along: ArmAlong, others: Sequence[EffectUse]) -> Iterator[Array]:
-    """Derivatives by the parameters of the other hidden effects, each as uncertain as it is large."""
+    """Derivatives with respect to the parameters of the other hidden effects, each with 100 % uncertainty."""
     for other in others:
         for parameter in get_effect(other.effect).estimated:
             value = other.parameters.get(parameter.name, 0.0)
@@ -172,9 +173,9 @@ def _changed(use: EffectUse, name: str, value: float) -> EffectUse:
 
 
 def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
-    """Columns of every simpler or equally simple effect that the catalogue says can look like this one.
+    """Columns of every simpler or equally simple effect that the catalogue lists as similar to this one.
 
-    So can the same error of another sensor; not a delay, as an early channel is none.
+    The same error of another sensor is similar as well, except a delay, which would have to be negative.
     """
     effect = get_effect(use.effect)
     for other in catalogue().values():
@@ -183,7 +184,7 @@ def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
         twin = other.id == effect.id and isinstance(effect, SensorEffect) and other.id != "sensor_delay"
         if not (kin or family or twin) or other.is_event or not other.along_motion:
             continue
-        if isinstance(other, GearEffect):  # shows between two encoders, not in a torque
+        if isinstance(other, GearEffect):  # appears between two encoders, not in a torque
             continue
         if len(other.estimated) > len(effect.estimated):
             continue
@@ -194,7 +195,7 @@ def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
 
 
 def _places(robot: Robot, effect: Effect, at: str) -> list[str]:
-    """Where a rival would sit that acts at the same joint."""
+    """Places of a rival that acts at the same joint."""
     joint = _joint_of(robot, at)
     if effect.place == "base":
         return ["base"]
@@ -208,7 +209,7 @@ def _places(robot: Robot, effect: Effect, at: str) -> list[str]:
 
 
 def _joint_of(robot: Robot, at: str) -> str:
-    """The joint at which a place shows; `base` for the base."""
+    """The joint at which a place appears; `base` for the base."""
     place = at.split(".")[0]
     for joint in robot.joints:
         if place in (joint.name, joint.child):
@@ -217,7 +218,7 @@ def _joint_of(robot: Robot, at: str) -> str:
 
 
 def _columns_of(along: ArmAlong, effect: Effect, at: str) -> Iterator[list[Array]]:
-    """What the effect can do to first order, for each start of its other parameters."""
+    """First-order columns of the effect, for each starting value of its other parameters."""
     k = along.joints.index(j) if (j := _joint_of(along.robot, at)) in along.joints else 0
     for start in list(effect.starts(_extent(along, k)))[:STARTS]:
         absent = {p.name: p.absent for p in effect.parameters if p.absent is not None and p.name not in start}

@@ -1,9 +1,9 @@
-"""Two engines' answers to the same cases, compared case by case.
+"""Paired comparison of two versions of the diagnosis ("engines") on the same cases.
 
-Of a question with yes or no the cases count in which the engines differ: McNemar's test, exact, and the
-difference of the two shares with the adjusted interval of Bonett and Price (J. Educ. Behav. Stat. 37 (2012)
-479-488). Of a number the sign test counts which engine is better in how many cases, and the mean difference
-has its interval from Student's t.
+Yes/no questions are compared on the cases in which the engines differ: McNemar's exact test, and the
+difference of the two fractions with the adjusted interval of Bonett and Price (J. Educ. Behav. Stat. 37
+(2012) 479-488). Numbers are compared by the sign test, and the mean difference has an interval from Student's
+t distribution.
 """
 
 from __future__ import annotations
@@ -17,16 +17,19 @@ from scipy.stats import binomtest, t
 
 from missing_physics.challenge.scoring.result import CaseScore
 from missing_physics.challenge.scoring.shares import NORMAL_95
-from missing_physics.challenge.scoring.summary import confidently_wrong, false_alarm, told_apart
+from missing_physics.challenge.scoring.summary import all_identifiable, confidently_wrong, false_alarm
 from robot_model import InputError
 
 __all__ = ["NUMBERS", "QUESTIONS", "Comparison", "Difference", "compare", "compare_numbers", "compare_shares"]
 
-#: Questions with yes or no, and whether a yes is good; None where a question does not apply to a case.
+#: Yes/no questions, and whether yes is good; None if a question does not apply to a case.
 QUESTIONS: Mapping[str, tuple[Callable[[CaseScore], bool | None], bool]] = {
     "place right": (lambda case: case.place, True),
-    "name right, identifiable": (lambda case: case.right_name if told_apart(case) else None, True),
-    "exactly what is hidden, identifiable": (lambda case: case.exactly if told_apart(case) else None, True),
+    "name right, identifiable": (lambda case: case.right_name if all_identifiable(case) else None, True),
+    "exactly what is hidden, identifiable": (
+        lambda case: case.exactly if all_identifiable(case) else None,
+        True,
+    ),
     "a wrong name stated with more than 0.9": (confidently_wrong, False),
     "something named where the catalogue has nothing": (
         lambda case: None if case.hidden else bool(case.wrong),
@@ -48,14 +51,14 @@ class Difference:
     """The second engine minus the first in one measure.
 
     Attributes:
-        name: of the measure.
-        cases: in which both have it.
-        first, second: shares of yes, or means.
+        name: name of the measure.
+        cases: number of cases to which it applies for both.
+        first, second: fractions of yes, or means.
         better, worse: cases in which the second engine is better, or worse, than the first.
-        p_value: of as uneven a split or more if both were alike (two-sided; exact).
+        p_value: two-sided exact p-value under equal engines.
         difference: second minus first.
         interval: 95 % interval of the difference.
-        is_share: `first` and `second` are shares of yes.
+        is_share: `first` and `second` are fractions of yes.
     """
 
     name: str
@@ -75,8 +78,8 @@ class Comparison:
     """Every measure of two engines on the same cases.
 
     Attributes:
-        cases: that both have answered.
-        differences: of questions and numbers.
+        cases: number of common cases.
+        differences: differences of questions and numbers.
     """
 
     cases: int
@@ -84,7 +87,7 @@ class Comparison:
 
 
 def compare(first: Sequence[CaseScore], second: Sequence[CaseScore]) -> Comparison:
-    """Both engines on the cases that both have; raises `InputError` where there is none, or two differ."""
+    """Compare both engines on the common cases; raises `InputError` if there are none, or if they differ."""
     others = {case.number: case for case in second}
     pairs = [(case, others[case.number]) for case in first if case.number in others]
     if not pairs:
@@ -102,13 +105,13 @@ def compare(first: Sequence[CaseScore], second: Sequence[CaseScore]) -> Comparis
 def _both(
     pairs: Sequence[tuple[CaseScore, CaseScore]], measure: Callable[[CaseScore], float | None]
 ) -> list[tuple[float, float]]:
-    """The measure of both engines where both have it."""
+    """The measure of both engines in cases to which it applies for both."""
     found = ((measure(one), measure(other)) for one, other in pairs)
     return [(float(one), float(other)) for one, other in found if one is not None and other is not None]
 
 
 def compare_shares(name: str, pairs: Sequence[tuple[float, float]], *, good: bool = True) -> Difference:
-    """McNemar's test of a question; each pair holds 1 for yes and 0 for no."""
+    """McNemar's test of a question; each pair contains 1 for yes and 0 for no."""
     count = len(pairs)
     gained, lost = sum(b > a for a, b in pairs), sum(a > b for a, b in pairs)
     first, second = (_mean([pair[side] for pair in pairs]) for side in (0, 1))
@@ -127,14 +130,14 @@ def compare_shares(name: str, pairs: Sequence[tuple[float, float]], *, good: boo
 
 
 def _bonett_price(gained: int, lost: int, count: int) -> tuple[float, float]:
-    """95 % interval of a difference of paired shares: one case is added to either kind of discordance."""
+    """95 % interval of a difference of paired fractions: one case is added to either kind of discordance."""
     up, down = (gained + 1) / (count + 2), (lost + 1) / (count + 2)
     half = NORMAL_95 * sqrt((up + down - (up - down) ** 2) / (count + 2))
     return max(up - down - half, -1.0), min(up - down + half, 1.0)
 
 
 def compare_numbers(name: str, pairs: Sequence[tuple[float, float]], *, larger: bool) -> Difference:
-    """Sign test and mean difference of a number that is better `larger`, or smaller."""
+    """Sign test and mean difference of a number that is better if `larger`, or else if smaller."""
     changes = np.array([other - one for one, other in pairs])
     up, down = int(np.sum(changes > 0)), int(np.sum(changes < 0))
     mean = _mean(changes.tolist())
@@ -152,7 +155,7 @@ def compare_numbers(name: str, pairs: Sequence[tuple[float, float]], *, larger: 
 
 
 def _student(changes: np.ndarray, mean: float) -> tuple[float, float]:
-    """95 % interval of the mean of independent changes; without bounds of fewer than two."""
+    """95 % interval of the mean of independent changes; infinite for fewer than two."""
     if len(changes) < 2:
         return -np.inf, np.inf
     half = float(t.ppf(0.975, len(changes) - 1) * changes.std(ddof=1) / sqrt(len(changes)))
@@ -160,7 +163,7 @@ def _student(changes: np.ndarray, mean: float) -> tuple[float, float]:
 
 
 def _sign_test(one: int, other: int) -> float:
-    """Two-sided p-value of so uneven a split of cases that differ; 1 where none does."""
+    """Two-sided p-value of a split of the cases that differ; 1 if none differs."""
     return float(binomtest(one, one + other).pvalue) if one + other else 1.0
 
 

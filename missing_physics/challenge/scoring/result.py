@@ -1,4 +1,4 @@
-"""What the score of a case and of a whole challenge hold."""
+"""Scores of a case and of a whole challenge."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from math import sqrt
 from typing import Any
 
-#: Verdict of a case without an answer that can be used.
+#: Verdict of a case without a usable answer.
 NO_ANSWER = "no answer"
-#: A torque's noise counts as at least this [N m or N], so that errors can be divided by it.
+#: Lower bound of a torque's noise [N m or N], to avoid a division by zero.
 LEAST_NOISE = 1e-12
 
 __all__ = ["NO_ANSWER", "CaseScore", "Finding", "ModelScore", "Report", "case_score"]
@@ -16,14 +16,14 @@ __all__ = ["NO_ANSWER", "CaseScore", "Finding", "ModelScore", "Report", "case_sc
 
 @dataclass(frozen=True)
 class Finding:
-    """One named effect of an answer, judged.
+    """One named effect of an answer, compared with the truth.
 
     Attributes:
         label: `ID@PLACE`.
-        probability: as stated.
-        right: it is hidden there, or it takes something of the nominal robot back that was tuned away.
-        set: labels that the answer calls as possible as this one, itself included.
-        covered: parameter to whether its 95 % interval holds the truth; only of right ones.
+        probability: stated probability.
+        right: it is hidden there, or it corrects a wrong parameter of the robot file.
+        set: labels that the answer cannot distinguish from this one, including itself.
+        covered: for each parameter whether its 95 % interval contains the truth; only if right.
     """
 
     label: str
@@ -35,12 +35,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class ModelScore:
-    """A baseline, or the answer beside it: what it names and its error on held-out torque.
+    """Named effects of a baseline, or of the answer, and its error on held-out torque.
 
     Attributes:
-        named: effects as `ID@PLACE`, or terms that are no effects.
-        error: rms of measured minus model over the sensor's noise, on the held-out recording.
-        note: why there is none.
+        named: effects as `ID@PLACE`, or terms that are not effects.
+        error: rms of measured minus model relative to the sensor's noise, on the held-out recording.
+        note: reason if there is none.
     """
 
     named: tuple[str, ...]
@@ -50,31 +50,31 @@ class ModelScore:
 
 @dataclass(frozen=True)
 class CaseScore:
-    """Everything that is counted of one case.
+    """Score of one case.
 
     Attributes:
-        number, name, family, robot: which case.
-        hidden: `ID@PLACE` of what is hidden from the catalogue.
-        foreign: kind of physics outside the catalogue; empty where there is none.
+        number, name, family, robot: identify the case.
+        hidden: `ID@PLACE` of the hidden effects of the catalogue.
+        foreign: kind of physics outside the catalogue; empty if there is none.
         identifiable: per hidden label, whether it is identifiable by the true model.
         distance: per hidden label, the information that separates it from its nearest rival.
-        verdict: of the answer; `NO_ANSWER` where there is none, or none that can be read.
-        findings: of the answer.
-        place: every hidden place is named or located; None where nothing is hidden.
-        right_name: every hidden effect is named at its place; None where nothing of the catalogue is hidden.
+        verdict: verdict of the answer; `NO_ANSWER` without a readable answer.
+        findings: findings of the answer.
+        place: every hidden place is named or located; None if nothing is hidden.
+        right_name: every hidden effect is named at its place; None without hidden effects of the catalogue.
         in_set: the truth is inside the stated set of an `ambiguous` verdict; None for other verdicts.
         errors: whitened rms over all measured channels of the held-out recording in closed loop: `nominal`,
             `answer`, `truth`.
         models: baselines and the answer on held-out torque.
-        stated_improvement: of diagnosis.json.
-        seconds: that the diagnosis took.
-        attempts: processes that it took.
-        message: last words of a diagnosis without answer.
-        conditions: factor to its level, see `draws.conditions`.
-        file_exact: the numbers of the robot file are the machine's.
+        stated_improvement: improvement stated in diagnosis.json.
+        seconds: duration of the diagnosis.
+        attempts: number of processes that were started.
+        message: last error output of a diagnosis without answer.
+        conditions: level of each factor, see `draws.conditions`.
+        file_exact: the parameters of the robot file are correct.
         log_score, brier: proper scores of the stated probabilities, see `scoring.probability`.
-        held_out: by joint the rms of the held-out torque that is left [N m or N] by the `nominal` robot, by
-            the `answer`, and by the true one (`noise`).
+        held_out: by joint the rms of the held-out torque residual [N m or N] of the `nominal` robot, of
+            the `answer`, and of the true one (`noise`).
     """
 
     number: int
@@ -104,9 +104,9 @@ class CaseScore:
 
     @property
     def held_out_ratio(self) -> float | None:
-        """Held-out torque error of the answer over the nominal robot's, each joint in units of its noise.
+        """Held-out torque error relative to the nominal robot's, with each joint in units of its noise.
 
-        1 without an answer that can be worked out; None where no torque is recorded.
+        1 without a usable answer; None if no torque is recorded.
         """
         if not self.held_out:
             return None
@@ -121,12 +121,12 @@ class CaseScore:
 
     @property
     def wrong(self) -> tuple[Finding, ...]:
-        """Findings that are not there."""
+        """Findings of effects that are not present."""
         return tuple(finding for finding in self.findings if not finding.right)
 
     @property
     def improvement(self) -> float | None:
-        """The answer's fall of the held-out error over the true model's; None without a fall or an answer."""
+        """Reduction of the held-out error relative to that of the true model; None without either."""
         if not self.improvable or "answer" not in self.errors:
             return None
         nominal, truth, answer = (self.errors[key] for key in ("nominal", "truth", "answer"))
@@ -134,13 +134,13 @@ class CaseScore:
 
     @property
     def improvable(self) -> bool:
-        """The true model's held-out error is below the nominal robot's."""
+        """Whether the true model's held-out error is below the nominal robot's."""
         nominal, truth = self.errors.get("nominal"), self.errors.get("truth")
         return nominal is not None and truth is not None and nominal > 1.05 * truth
 
     @property
     def exactly(self) -> bool | None:
-        """The hidden effects are named and nothing wrong; None where nothing of the catalogue is hidden."""
+        """Whether exactly the hidden effects are named; None without hidden effects of the catalogue."""
         return bool(self.right_name) and not self.wrong if self.hidden else None
 
 
@@ -149,9 +149,9 @@ class Report:
     """A scored challenge.
 
     Attributes:
-        scores: of all cases, by number.
-        unmade: cases that could not be simulated, and why, by number.
-        facts: fingerprints, isolation, versions, for the reader.
+        scores: scores of all cases, in the order of their numbers.
+        unmade: reasons for cases that could not be simulated, by number.
+        facts: fingerprints, isolation and versions.
     """
 
     scores: tuple[CaseScore, ...]
@@ -160,7 +160,7 @@ class Report:
 
 
 def case_score(content: dict[str, Any]) -> CaseScore:
-    """A score from the JSON made of it."""
+    """A score from its JSON."""
     findings = tuple(Finding(**{**f, "set": tuple(f["set"])}) for f in content["findings"])
     models = {k: ModelScore(tuple(m["named"]), m["error"], m["note"]) for k, m in content["models"].items()}
     return CaseScore(

@@ -1,4 +1,4 @@
-"""The score of one case: the answer against the truth, the true model, and the baselines."""
+"""The score of one case: comparison of the answer with the truth, the true model, and the baselines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pyarrow.csv as pa_csv
 from missing_physics.challenge.cases.truth import Design
 from missing_physics.challenge.concealing.conceal import EXACT, Concealed, with_exact
 from missing_physics.challenge.concealing.recorded_torque import logged
-from missing_physics.challenge.concealing.tuning import might_take_back, takes_back
+from missing_physics.challenge.concealing.tuning import corrects_file, may_correct_file
 from missing_physics.challenge.draws.warming import EFFECT as BY_TEMPERATURE
 from missing_physics.challenge.scoring.baselines import baselines, measured_joints, torque_error
 from missing_physics.challenge.scoring.held_out import held_out_errors
@@ -28,11 +28,11 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
-__all__ = ["anchor", "closed_loop", "judged", "scored", "stated_and_there"]
+__all__ = ["anchor", "closed_loop", "judged", "scored", "stated_and_true"]
 
-#: How far two machines may differ in what they make of one truth [share of the largest].
+#: Tolerance for the same truth simulated on two machines, relative to the largest value.
 ROUNDING = 1e-3
-#: Numbers that were fitted to a recording differ by so many times more.
+#: Factor on this tolerance for parameters that were fitted to a recording.
 TUNING = 10
 #: A number in a robot file.
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?(?!\w)")
@@ -42,11 +42,11 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
     """`score.json` of a case from its files and those of its answer.
 
     Raises:
-        InputError: the recordings are not those that the design makes.
+        InputError: the recordings are not those of the design.
     """
     case = with_exact(design, files[EXACT]) if EXACT in files else Concealed(design)
     recordings = _read(files["recording.csv"]), _read(files["validation.csv"])
-    _same_files(case, files)
+    _check_files(case, files)
     facts = json.loads(files["answer.json"])
     given = robot_from_toml(files["robot.toml"].decode())
     answer, augmented, words = _answered(design, given, files)
@@ -55,7 +55,7 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
     distance = distances(train, design.hidden)
     models = baselines(ArmAlong(nominal, case.exact[0]), held_out, *recordings)
     models["diagnosis"] = _answer_model(better, answer, case.exact[1], recordings[1])
-    proper = probability_score(*stated_and_there(design, given, answer))
+    proper = probability_score(*stated_and_true(design, given, answer))
     score = CaseScore(
         number=design.number,
         name=design.name,
@@ -86,10 +86,10 @@ def _read(content: bytes) -> Recording:
     return Recording(columns.pop("time"), columns)
 
 
-def _same_files(case: Concealed, files: Mapping[str, bytes]) -> None:
-    """Two makings of a case on one machine agree to the last digit, on two machines to rounding."""
+def _check_files(case: Concealed, files: Mapping[str, bytes]) -> None:
+    """Check the files; generated twice they agree exactly on one machine, and to rounding on two."""
     for name, made in zip(("recording.csv", "validation.csv"), case.recordings):
-        _same(name, made, _read(files[name]))
+        _check_recording(name, made, _read(files[name]))
     texts = robot_to_toml(case.given), files["robot.toml"].decode("utf-8", "replace")
     one, two = ([float(number) for number in NUMBER.findall(text)] for text in texts)
     rounding = ROUNDING * (TUNING if case.design.family == "tuned_away" else 1)
@@ -98,7 +98,7 @@ def _same_files(case: Concealed, files: Mapping[str, bytes]) -> None:
         raise InputError("robot.toml is not what the truth makes.")
 
 
-def _same(file: str, made: Recording, found: Recording) -> None:
+def _check_recording(file: str, made: Recording, found: Recording) -> None:
     for name in made:
         scale = max(float(np.abs(made[name]).max()), 1e-12)
         same = name in found and len(found.time) == len(made.time)
@@ -109,7 +109,7 @@ def _same(file: str, made: Recording, found: Recording) -> None:
 def _answered(
     design: Design, given: Robot, files: Mapping[str, bytes]
 ) -> tuple[Mapping[str, Any] | None, Robot | None, str]:
-    """diagnosis.json and the robot of the answer; neither, and why, where they cannot be used."""
+    """diagnosis.json and the robot of the answer; neither, and the reason, if they are unusable."""
     if "diagnosis.json" not in files:
         return None, None, ""
     try:
@@ -117,13 +117,13 @@ def _answered(
         judged(design, given, answer)
         text = files.get("robot.augmented.toml")
         augmented = robot_from_toml(text.decode()) if text is not None else None
-    except Exception as error:  # whatever an answer holds, the other cases have a score
+    except Exception as error:  # an unusable answer must not affect the other cases
         return None, None, f"no usable answer: {type(error).__name__}: {error}"
     return answer, augmented, ""
 
 
 def judged(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What the answer says, held against the truth; keys of `CaseScore`."""
+    """Comparison of the answer with the truth, with the keys of `CaseScore`."""
     if answer is None:
         hides = bool(design.hidden)
         nothing = {"stated_improvement": None, "in_set": None, "findings": ()}
@@ -158,25 +158,25 @@ def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
         low, high = estimate["ci95"]
         if truth is not None and name in truth.parameters and None not in (low, high):
             covered[name] = bool(low <= truth.parameters[name] <= high)
-    right = truth is not None or label in _springs(design) or takes_back(design, given, item)
+    right = truth is not None or label in _springs(design) or corrects_file(design, given, item)
     return Finding(label, probability, right, (label, *item["ambiguous_with"]), covered)
 
 
-def stated_and_there(
+def stated_and_true(
     design: Design, given: Robot, answer: Mapping[str, Any] | None
 ) -> tuple[dict[str, float], set[str]]:
-    """What an answer says and what is true, for `probability_score`.
+    """Stated probabilities and true labels, for `probability_score`.
 
     Returns:
-        Probability of every effect that it mentions, by label, a finding's before a rival's, and the labels
-        of what is hidden and of findings that are right besides. A rival without numbers that may stand for
-        a wrong number of the robot file is neither right nor wrong, and left out.
+        Probability of every mentioned effect by label, with findings taking precedence over rivals; and the
+        labels of the hidden effects and of other right findings. A rival without parameters that may correct
+        a wrong parameter of the robot file is neither right nor wrong, and excluded.
     """
     findings = answer["findings"] if answer else ()
     stated: dict[str, float] = {}
     for rival in (rival for item in findings for rival in item.get("alternatives", ())):
         label, probability = f"{rival['effect']}@{rival['location']}", rival["probability"]
-        if probability is not None and not might_take_back(design, given, label):
+        if probability is not None and not may_correct_file(design, given, label):
             stated[label] = max(float(probability), stated.get(label, 0.0))
     judged_ones = [_finding(design, given, item) for item in findings]
     stated |= {finding.label: finding.probability for finding in judged_ones}
@@ -184,9 +184,9 @@ def stated_and_there(
 
 
 def _springs(design: Design) -> set[str]:
-    """The springs of hidden gears: play and losses in a gear have one in series or beside them.
+    """Joint elasticities of hidden gear effects: backlash and losses have a spring in series or in parallel.
 
-    With it written as an effect of its own the robot moves alike.
+    Written as a separate effect it gives the same motion.
     """
     return {
         f"joint_elasticity@{use.at}"
@@ -196,19 +196,19 @@ def _springs(design: Design) -> set[str]:
 
 
 def _place(design: Design, robot: Robot, answer: Mapping[str, Any]) -> bool | None:
-    """Every hidden place is a finding's; where nothing is named, it is where the mismatch is located."""
+    """Whether every hidden place is that of a finding or, without findings, of the located mismatch."""
     hidden = [use.at for use in design.hidden] + ([design.foreign.joint] if design.foreign else [])
     if not hidden:
         return None
     if answer["verdict"] == "consistent":
         return False
-    told = answer["findings"] or answer["mismatch"]
-    places = {anchor(robot, item["location"]) for item in told}
+    located = answer["findings"] or answer["mismatch"]
+    places = {anchor(robot, item["location"]) for item in located}
     return {anchor(robot, at) for at in hidden} <= places
 
 
 def anchor(robot: Robot, at: str) -> str:
-    """The joint at which a joint, its channel or the link beyond it sits; `base` for the base."""
+    """The joint of a joint, its channel or its child link; `base` for the base."""
     place = at.split(".")[0]
     for joint in robot.joints:
         if place in (joint.name, joint.child):
@@ -219,24 +219,24 @@ def anchor(robot: Robot, at: str) -> str:
 def closed_loop(
     case: Concealed, given: Robot, augmented: Robot | None, recording: Recording
 ) -> dict[str, float]:
-    """Errors of `nominal`, `answer` and `truth` on the held-out recording, each run in closed loop.
+    """Errors of `nominal`, `answer` and `truth` on the held-out recording, each simulated in closed loop.
 
-    `given` and `augmented` are robots that the case has completed with controller, reference and sensors.
-    The truth is Exudyn's run without noise; the others run in the reference model. A joint that warms cannot
-    be run there, so that there are no errors where its friction minds.
+    `given` and `augmented` are robots completed by the case with controller, reference and sensors.
+    The truth is Exudyn's simulation without noise; the others use the reference model, which cannot
+    simulate a joint that warms up, so that there are no errors if its friction depends on temperature.
     """
     if any(use.effect == BY_TEMPERATURE for use in case.design.hidden):
         return {}
-    quiet = tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in given.sensors)
+    noiseless = tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in given.sensors)
     channels = _compared(case.design, given)
     errors = {"truth": _error(case.noiseless(1), recording, given, channels)}
     for name, robot in (("nominal", given), ("answer", augmented)):
         if robot is None:
             continue
         try:
-            there = case.path.finer(robot.model_copy(update={"sensors": quiet}))
-            error = _error(_as_logged(case, simulate(there, any_bodies=True)), recording, given, channels)
-        except Exception:  # an answer may be any robot; one that cannot be run has no error
+            completed = case.path.finer(robot.model_copy(update={"sensors": noiseless}))
+            error = _error(_as_logged(case, simulate(completed, any_bodies=True)), recording, given, channels)
+        except Exception:  # an answer may contain any robot, also one that cannot be simulated
             continue
         if np.isfinite(error):
             errors[name] = error
@@ -244,16 +244,16 @@ def closed_loop(
 
 
 def _as_logged(case: Concealed, run: Recording) -> Recording:
-    """A run on the finer grid as the log has it, its torques delayed or filtered like the machine's."""
+    """A simulation on the finer grid as it would be logged, with torques delayed or filtered."""
     joints = [joint for joint in case.joints if f"{joint}.torque" in run]
     kept = case.path.logged(run, joints)
     return kept.with_channels({f"{joint}.torque": logged(kept, joint) for joint in joints})
 
 
 def _compared(design: Design, robot: Robot) -> list[str]:
-    """Torques, any other channel whose sensor is at fault, both encoders of a gear and rates of the base.
+    """Compared channels: torques, channels of faulty sensors, both encoders of a gear and rates of the base.
 
-    The positions of a controlled joint follow its reference whatever the model.
+    Positions of controlled joints are excluded, since they follow the reference whatever the model.
     """
     further = [use.at for use in design.hidden if "." in use.at]
     for use in design.hidden:
@@ -277,7 +277,7 @@ def _error(model: Recording, recording: Recording, robot: Robot, channels: Seque
 def _answer_model(
     augmented: Robot | None, answer: Mapping[str, Any] | None, exact: Recording, recording: Recording
 ) -> ModelScore:
-    """The answer as the baselines are scored: its torque along the exact held-out motion."""
+    """Score of the answer like a baseline: its torque along the exact held-out motion."""
     if augmented is None or answer is None:
         return ModelScore((), None, NO_ANSWER)
     named = tuple(f"{item['effect']}@{item['location']}" for item in answer["findings"])

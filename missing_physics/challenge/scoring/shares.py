@@ -1,4 +1,4 @@
-"""Shares with their intervals, distances of calibration, and both beside what is wanted of them."""
+"""Fractions with their intervals, distances of calibration, and goals for both."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ __all__ = ["FEW", "NEAR", "Gap", "Goal", "Share", "Tenth", "wilson", "within"]
 
 #: Quantile of the standard normal for 95 % intervals.
 NORMAL_95 = 1.959964
-#: Tenths of stated probability with fewer findings than this count for nothing.
+#: Minimum number of findings for a decile of stated probability to count.
 FEW = 10
-#: How near to the share that is right stated probabilities shall be.
+#: Largest acceptable distance of stated probabilities from the right fraction.
 NEAR = 0.05
 
 
 @dataclass(frozen=True)
 class Share:
-    """Hits among so many."""
+    """A fraction with its counts."""
 
     hits: int
     count: int
@@ -32,28 +32,28 @@ class Share:
         return wilson(self.hits, self.count)
 
 
-#: Bounds of a tenth of stated probability, the mean statement in it, and the share that is right.
+#: Bounds of a decile of stated probability, its mean stated probability, and its right fraction.
 Tenth = tuple[float, float, float, Share]
 
 
 @dataclass(frozen=True)
 class Gap:
-    """The largest distance of stated probabilities from the share that is right.
+    """The largest distance of stated probabilities from the right fraction.
 
     Attributes:
-        tenths: those with at least `FEW` findings.
+        tenths: deciles with at least `FEW` findings.
     """
 
     tenths: tuple[Tenth, ...]
 
     @classmethod
     def of(cls, tenths: Sequence[Tenth]) -> Gap:
-        """Of all tenths that have enough findings."""
+        """From all deciles with enough findings."""
         return cls(tuple(tenth for tenth in tenths if tenth[3].count >= FEW))
 
     @property
     def worst(self) -> Tenth | None:
-        """The tenth with the largest distance."""
+        """The decile with the largest distance."""
         return max(self.tenths, key=lambda tenth: abs(tenth[2] - tenth[3].value), default=None)
 
     @property
@@ -66,7 +66,7 @@ class Gap:
 
 
 def within(tenth: Tenth, near: float = NEAR) -> bool | None:
-    """Whether Wilson's interval says that a tenth is as near as that; None where it allows both."""
+    """Whether a decile is within `near` according to Wilson's interval; None if this is undecided."""
     (low, high), mean = tenth[3].interval, tenth[2]
     if mean - near <= low and high <= mean + near:
         return True
@@ -75,7 +75,7 @@ def within(tenth: Tenth, near: float = NEAR) -> bool | None:
 
 @dataclass(frozen=True)
 class Goal:
-    """One measure beside what is wanted of it; `most` and `least` bound it. Without bounds it has no goal."""
+    """One measure and its goal, bounded by `most` and `least`. Without bounds it has no goal."""
 
     name: str
     share: Share | Gap
@@ -84,7 +84,7 @@ class Goal:
 
     @property
     def verdict(self) -> str:
-        """Whether the measured value is as wanted, and whether so many cases prove it."""
+        """Whether the measured value reaches the goal, and whether the number of cases proves it."""
         if not self.share.count:
             return "no case"
         if not self.bounded:
@@ -94,19 +94,19 @@ class Goal:
 
     @property
     def bounded(self) -> bool:
-        """Something is wanted of it."""
+        """Whether it has a goal."""
         return self.least > 0 or self.most < 1
 
     def _sure(self, hit: bool) -> bool:
         if isinstance(self.share, Gap):
-            told = [within(tenth, self.most) for tenth in self.share.tenths]
-            return all(told) if hit else False in told
+            decided = [within(tenth, self.most) for tenth in self.share.tenths]
+            return all(decided) if hit else False in decided
         low, high = self.share.interval
         return self.least <= low and high <= self.most if hit else high < self.least or low > self.most
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
-    """95 % interval of a share (Wilson, J. Am. Stat. Assoc. 22 (1927) 209-212)."""
+    """95 % interval of a fraction (Wilson, J. Am. Stat. Assoc. 22 (1927) 209-212)."""
     if count == 0:
         return 0.0, 1.0
     share, square = hits / count, NORMAL_95**2

@@ -1,17 +1,17 @@
-"""Every case that falls short of something, by what it falls short of."""
+"""Cases that miss a goal, by goal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from missing_physics.challenge.scoring.result import CaseScore
-from missing_physics.challenge.scoring.summary import ENOUGH, told_apart
+from missing_physics.challenge.scoring.summary import ENOUGH, all_identifiable
 
 __all__ = ["shortfalls"]
 
 
 def shortfalls(cases: Sequence[CaseScore]) -> dict[str, tuple[str, ...]]:
-    """What was missed, and the numbers of all cases that missed it, with what is to be known of each."""
+    """Missed goals, and the numbers of the cases that missed them, with details of each."""
     found = {
         "place not right": _places(cases),
         "not everything hidden named": _unnamed(cases),
@@ -29,7 +29,7 @@ def _places(cases: Sequence[CaseScore]) -> Iterator[str]:
 def _unnamed(cases: Sequence[CaseScore]) -> Iterator[str]:
     for case in cases:
         if case.right_name is False:
-            why = "in its set" if case.in_set else "" if told_apart(case) else "not identifiable"
+            why = "in its set" if case.in_set else "" if all_identifiable(case) else "not identifiable"
             yield f"{case.number} ({why})" if why else f"{case.number}"
 
 

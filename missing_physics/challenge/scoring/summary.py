@@ -1,4 +1,4 @@
-"""From the scores of the cases to what is reported: goals, families, effects, confusion, calibration."""
+"""Summary of the scores of all cases: goals, families, effects, confusion, calibration."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ __all__ = [
     "Row",
     "Share",
     "Summary",
+    "all_identifiable",
     "cause_of",
     "confidently_wrong",
     "false_alarm",
     "summary_of",
-    "told_apart",
     "wilson",
 ]
 
-#: A wrong name stated with more than this counts as confident.
+#: A wrong name with a higher stated probability counts as confident.
 CONFIDENT = 0.9
-#: Part of the true model's improvement that an answer should reach.
+#: Fraction of the true model's improvement that an answer should reach.
 ENOUGH = 0.8
-#: Tenths of stated probability.
+#: Number of intervals of stated probability.
 DECILES = 10
 #: Marks the right effect at a wrong place.
 ELSEWHERE = ", elsewhere"
@@ -50,7 +50,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Baseline:
-    """What a method names, and its held-out error over the sensors' noise (median)."""
+    """Named effects of a method, and its median held-out error relative to the sensors' noise."""
 
     name: str
     named: Share
@@ -61,19 +61,20 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Summary:
-    """Everything that a report shows.
+    """Contents of a report.
 
     Attributes:
-        goals: overall, in the order of the goals.
-        families, effects, robots, conditions: the same by group; of conditions each level of each factor.
+        goals: overall results.
+        families, effects, robots, conditions: results by group; for conditions by each level of each factor.
         log_score, brier: means over all cases; None without cases.
         confusion: counts by (hidden effect, most probable name); see `ELSEWHERE`.
-        calibration: per tenth of stated probability its bounds, mean statement and share that is right.
-        baselines: beside the diagnosis.
-        failures: case and cause.
-        improvement: median of the answer's improvement over the true model's, nought without an answer that
-            runs; None without cases.
-        unrun: cases that could be improved, without an answer that runs.
+        calibration: deciles of stated probability.
+        baselines: results of the simpler methods and of the diagnosis.
+        failures: failed cases and causes.
+        improvement: median of the answer's improvement relative to the true model's, zero without an answer
+        that
+            can be simulated; None without cases.
+        unrun: number of improvable cases without an answer that can be simulated.
     """
 
     goals: tuple[Goal, ...]
@@ -92,7 +93,7 @@ class Summary:
 
 
 def summary_of(report: Report) -> Summary:
-    """Count everything."""
+    """Summarise a challenge."""
     cases = report.scores
     ratios = [case.improvement or 0.0 for case in cases if case.hidden and case.improvable]
     effects = sorted({label.split("@")[0] for case in cases for label in case.hidden})
@@ -114,7 +115,7 @@ def summary_of(report: Report) -> Summary:
 
 
 def _conditions(cases: Sequence[CaseScore]) -> tuple[Row, ...]:
-    """A row for each level of each factor, in the order in which cases have the factors."""
+    """A row for each level of each factor, in the order of the factors."""
     levels = sorted({level for case in cases for level in case.conditions.items()})
     factors = list(dict.fromkeys(factor for case in cases for factor in case.conditions))
     return tuple(
@@ -127,26 +128,26 @@ def _effects(case: CaseScore) -> set[str]:
     return {label.split("@")[0] for label in case.hidden}
 
 
-def told_apart(case: CaseScore) -> bool:
-    """Whether everything hidden is identifiable by the true model."""
+def all_identifiable(case: CaseScore) -> bool:
+    """Whether all hidden effects are identifiable according to the true model."""
     return bool(case.hidden) and all(case.identifiable.values())
 
 
 def _share(cases: Iterable[CaseScore], right: Callable[[CaseScore], bool | None]) -> Share:
-    """Cases that are right, among those to which the question applies (the answer is not None)."""
+    """Fraction of right cases among those to which the question applies (the answer is not None)."""
     answers = [bool(answer) for case in cases if (answer := right(case)) is not None]
     return Share(sum(answers), len(answers))
 
 
 def confidently_wrong(case: CaseScore) -> bool:
-    """A name that is not there, stated with more than `CONFIDENT`."""
+    """Whether a wrong name is stated with more than `CONFIDENT`."""
     return any(finding.probability > CONFIDENT for finding in case.wrong)
 
 
 def false_alarm(case: CaseScore) -> bool | None:
-    """Something is said to be missing where nothing is; None where something is.
+    """Whether physics is reported as missing although none is; None if some is missing.
 
-    A file that is off differs from the machine: there only a wrong name is a false alarm.
+    With errors in the robot file only a wrong name is a false alarm.
     """
     if case.family != "none":
         return None
@@ -154,7 +155,7 @@ def false_alarm(case: CaseScore) -> bool | None:
 
 
 def _goals(cases: Sequence[CaseScore]) -> tuple[Goal, ...]:
-    clear = [case for case in cases if told_apart(case)]
+    clear = [case for case in cases if all_identifiable(case)]
     single = [case for case in clear if case.family != "mixed"]
     mixed = [case for case in clear if case.family == "mixed"]
     all_single = [case for case in cases if case.family != "mixed"]
@@ -202,7 +203,7 @@ def _goals(cases: Sequence[CaseScore]) -> tuple[Goal, ...]:
 
 
 def _row(name: str, cases: Sequence[CaseScore]) -> Row:
-    clear = [case for case in cases if told_apart(case)]
+    clear = [case for case in cases if all_identifiable(case)]
     seconds = [case.seconds for case in cases]
     return Row(
         name,
@@ -215,7 +216,7 @@ def _row(name: str, cases: Sequence[CaseScore]) -> Row:
 
 
 def _confusion(cases: Sequence[CaseScore]) -> dict[tuple[str, str], int]:
-    """Single hidden things against what was named: the most probable finding, right or not."""
+    """Counts of single hidden effects and of the most probable finding, right or not."""
     found: dict[tuple[str, str], int] = {}
     for case in cases:
         if len(case.hidden) > 1:
@@ -241,8 +242,8 @@ def _calibration(findings: Sequence[Finding]) -> tuple[Tenth, ...]:
 
 
 def _baselines(cases: Sequence[CaseScore]) -> tuple[Baseline, ...]:
-    """Single identifiable effects: is the truth named, and nothing else? None and foreign: is it silent?"""
-    single = [c for c in cases if told_apart(c) and len(c.hidden) == 1]
+    """For single identifiable effects exactly right names, without hidden effects no names."""
+    single = [c for c in cases if all_identifiable(c) and len(c.hidden) == 1]
     nothing = [c for c in cases if not c.hidden]
     rows = []
     for name in dict.fromkeys(name for case in cases for name in case.models):
@@ -261,7 +262,7 @@ def _baselines(cases: Sequence[CaseScore]) -> tuple[Baseline, ...]:
 
 
 def cause_of(case: CaseScore) -> str:
-    """Why a case is a failure, in a few words; empty where it is none."""
+    """Why a case failed; empty if it did not."""
     if case.verdict == NO_ANSWER:
         return NO_ANSWER
     if case.family == "none":
@@ -276,8 +277,8 @@ def cause_of(case: CaseScore) -> str:
 
 
 def _unnamed(case: CaseScore) -> str:
-    """Why something hidden was not named."""
-    if not told_apart(case):
+    """Why a hidden effect was not named."""
+    if not all_identifiable(case):
         return "" if not confidently_wrong(case) else "wrong name where the data cannot tell"
     if not case.findings:
         return f"nothing named ({case.verdict})"

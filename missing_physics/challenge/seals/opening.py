@@ -22,7 +22,7 @@ def _changed(path: Path, why: str) -> InputError:
 
 
 def cases_fingerprint(store: Store, names: Iterable[str]) -> str:
-    """One fingerprint of all cases."""
+    """Joint fingerprint of all cases."""
     parts = []
     for name in names:
         store.expected(Made, "manifest", f"{name}.json")
@@ -31,28 +31,28 @@ def cases_fingerprint(store: Store, names: Iterable[str]) -> str:
 
 
 def check_cases(store: Store, names: Iterable[str], sealed: Sealed) -> None:
-    """Raises `InputError` where the cases are not those that were sealed."""
+    """Raise `InputError` if the cases are not those that were sealed."""
     if sealed.cases_sha256 != cases_fingerprint(store, names):
         raise InputError(f"{store.path('manifest')} was changed after the cases were sealed.")
 
 
 def opened_by(store: Store) -> Opened:
-    """What was opened: its key opens the sealed file, which holds the promised truth, as stated.
+    """The opened truth, after checking its key, the sealed file and the fingerprint of the truth.
 
     Raises:
-        InputError: one of the files does not agree with the others; it is named.
+        InputError: one of the files, which is named, does not agree with the others.
     """
     opened = store.expected(Opened, "opened.json")
     sealed = store.expected(Sealed, "seal.json")
     if opened.sealed != f"{len(sealed.sealed)}.bin":
-        raise _changed(store.path("opened.json"), "it does not tell of the last sealed file")
+        raise _changed(store.path("opened.json"), "it does not name the last sealed file")
     fingerprints = {f"{number}.bin": found for number, found in enumerate(sealed.sealed, start=1)}
     content = store.files("sealed", ".", fingerprints)[opened.sealed]
     path = store.path("sealed", opened.sealed)
     try:
         key = bytes.fromhex(opened.key)
     except ValueError:
-        raise _changed(store.path("opened.json"), "its key is none") from None
+        raise _changed(store.path("opened.json"), "its key is invalid") from None
     truth = digest(unseal(content, key, what=str(path)))
     if truth != store.expected(Promise, "challenge.json").truth_sha256:
         raise InputError(f"{path} does not hold the truth that was promised.")
@@ -62,11 +62,11 @@ def opened_by(store: Store) -> Opened:
 
 
 def checked_answers(store: Store, made: Iterable[str], opened: Opened) -> dict[str, str]:
-    """Fingerprint of every answer, as they were before the seal was opened."""
+    """Fingerprint of every answer, checked against the fingerprint recorded when the seal was opened."""
     path = store.path("answers.json")
     promised = store.expected(Answers, "answers.json").answers
     if digest(path.read_bytes()) != opened.answers_sha256:
         raise _changed(path, "its fingerprint is not the one that was written when the seal was opened")
     if set(promised) != set(made):
-        raise _changed(path, "it does not tell of the cases that were made")
+        raise _changed(path, "it does not list the generated cases")
     return promised

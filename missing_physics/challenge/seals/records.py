@@ -1,4 +1,4 @@
-"""What the JSON files of a challenge hold; one that holds anything else is reported with its name and key."""
+"""Schemas of the JSON files of a challenge; a file that violates its schema is reported with name and key."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Promise(_Record):
 
 
 class Made(_Record):
-    """manifest/NAME.json: fingerprints of a case's files, or why it could not be made."""
+    """manifest/NAME.json: fingerprints of a case's files, or why it could not be generated."""
 
     status: Literal["done", "refused", "failed"]
     message: str = ""
@@ -55,7 +55,7 @@ class Answers(_Record):
 
 
 class Opened(_Record):
-    """opened.json: what was sealed, for everybody."""
+    """opened.json: the sealed truth and its key, published."""
 
     key: str
     sealed: str

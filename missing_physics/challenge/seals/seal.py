@@ -1,7 +1,7 @@
-"""The sealed truth: AES-256-GCM under a fresh random key that lives in one process's memory only.
+"""Sealing of the truth: AES-256-GCM with a random key that exists only in the memory of one process.
 
-The library `cryptography` (pyca) does the encryption; authenticated, so that a changed file or a wrong key is
-distinguished from a right one (NIST SP 800-38D). The key is published when the seal is opened.
+The library `cryptography` (pyca) encrypts and authenticates, so that a changed file or a wrong key is
+detected (NIST SP 800-38D). The key is published when the seal is opened.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["digest", "new_key", "seal", "unseal"]
 KEY_BITS = 256
 #: Length of the random number that makes every sealing different [bytes].
 NONCE = 12
-#: What the sealed content is, authenticated with it.
+#: Description of the sealed content, authenticated with it.
 LABEL = b"missing-physics challenge, schema 1"
 
 
@@ -38,7 +38,7 @@ def unseal(sealed: bytes, key: bytes, *, what: str) -> bytes:
     """The content of `sealed`.
 
     Raises:
-        InputError: the key is another one or the sealed bytes were changed; `what` names them.
+        InputError: wrong key, or the sealed bytes were changed; `what` names them in the message.
     """
     try:
         return AESGCM(key).decrypt(sealed[:NONCE], sealed[NONCE:], LABEL)

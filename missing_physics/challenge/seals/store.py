@@ -1,17 +1,17 @@
-"""What a challenge keeps on disk, and the checks that nobody changed it.
+"""Files of a challenge on disk, and checks that they were not changed.
 
     challenge.json     fingerprints of the truth and of the program, written first
-    cases/NAME/        robot.toml, recording.csv, validation.csv: all that a diagnosis sees
-    manifest/NAME.json fingerprints of these files, or why the case could not be made
-    sealed/NUMBER.bin  the truth, sealed anew by every run that diagnoses
+    cases/NAME/        robot.toml, recording.csv, validation.csv: the diagnosis sees nothing else
+    manifest/NAME.json fingerprints of these files, or why the case could not be generated
+    sealed/NUMBER.bin  the truth, sealed again by every run that diagnoses
     seal.json          fingerprints of the sealed files and of all cases, written before any diagnosis
     answers/NAME/      diagnosis.json, robot.augmented.toml, answer.json with their fingerprints
     answers.json       fingerprints of all answers, written before the seal is opened
-    opened.json        the truth and the keys, for everybody
+    opened.json        the truth and the keys, published
     scoring.json       fingerprints of the program that scored and of the scores
     scores/NAME.json   the score of each case
 
-Every file appears whole or not at all, so that what was finished before an interruption stays valid.
+Every file is written atomically, so that work finished before an interruption stays valid.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from robot_model.system.owners import WRITING, remove_left
 
 __all__ = ["Store", "said"]
 
-#: What only a challenge that has begun holds.
-OF_ONE = ("cases", "manifest", "sealed", "seal.json", "answers", "answers.json", "opened.json")
+#: Files that exist only after a challenge has begun.
+STARTED = ("cases", "manifest", "sealed", "seal.json", "answers", "answers.json", "opened.json")
 Kind = TypeVar("Kind", bound=BaseModel)
 
 
@@ -49,7 +49,7 @@ class Store:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Nobody else works in this folder meanwhile. Raises `InputError` where somebody does."""
+        """Lock the folder; raises `InputError` if another process holds the lock."""
         with said(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(self.path(".lock"), os.O_CREAT | os.O_RDWR, 0o644)
@@ -65,7 +65,7 @@ class Store:
             os.close(handle)
 
     def read(self, *parts: str) -> Any:
-        """Content of a JSON file; None where there is none. Raises `InputError` for a damaged one."""
+        """Content of a JSON file; None if it does not exist. Raises `InputError` for a damaged one."""
         path = self.path(*parts)
         if not path.is_file():
             return None
@@ -77,7 +77,7 @@ class Store:
             ) from None
 
     def record(self, kind: type[Kind], *parts: str) -> Kind | None:
-        """Content of a JSON file of that kind; None where there is none. Raises `InputError` for another."""
+        """Content of a JSON file; None if there is none. Raises `InputError` if it is not of that kind."""
         if not self.path(*parts).is_file():
             return None
         try:
@@ -91,7 +91,7 @@ class Store:
             ) from None
 
     def expected(self, kind: type[Kind], *parts: str) -> Kind:
-        """The same of a file that has to be there."""
+        """The same for a file that must exist."""
         found = self.record(kind, *parts)
         if found is None:
             raise InputError(
@@ -101,30 +101,30 @@ class Store:
         return found
 
     def write(self, content: Any, *parts: str) -> None:
-        """Write a JSON file whole or not at all."""
+        """Write a JSON file atomically."""
         write_atomically(self.path(*parts), json.dumps(content, indent=1, sort_keys=True) + "\n")
 
     def claim(self, identity: Mapping[str, Any], *, free: Collection[str] = ()) -> None:
-        """Begin this challenge here, or go on with it; raises `InputError` where another one lives.
+        """Begin or resume this challenge; raises `InputError` if the folder contains another one.
 
-        Keys that are `free` may differ from those that it was begun with.
+        The values of `free` keys may differ from those at the beginning.
         """
-        there = self.read("challenge.json")
-        if there is None:
-            if any(self.path(part).exists() for part in OF_ONE):
+        existing = self.read("challenge.json")
+        if existing is None:
+            if any(self.path(part).exists() for part in STARTED):
                 raise InputError(f"{self.folder} holds cases but no challenge.json; give another --out.")
             self.write(dict(identity), "challenge.json")
             return
         self.record(Promise, "challenge.json")
         for key, value in identity.items():
-            if key not in free and there.get(key) != value:
+            if key not in free and existing.get(key) != value:
                 raise InputError(
                     f"{self.folder} holds another challenge (its {key} differs); give another --out, or the "
                     "--seed, --cases and version of the program that it was begun with."
                 )
 
     def keep(self, kind: str, name: str, files: Mapping[str, bytes]) -> dict[str, str]:
-        """Put `files` into the folder KIND/NAME, all or none; gives their fingerprints."""
+        """Write `files` into the folder KIND/NAME, all or none; returns their fingerprints."""
         target = self.path(kind, name)
         former = [path.name for path in target.iterdir()] if target.is_dir() else []
         with replacing_set(target, former) as fresh:
@@ -135,12 +135,12 @@ class Store:
         return {file: digest(content) for file, content in files.items()}
 
     def tidy(self) -> None:
-        """Remove what an interruption left unfinished."""
+        """Remove files that an interruption left unfinished."""
         for folder in (self.folder, *(path for path in self.folder.rglob("*") if path.is_dir())):
             remove_left(folder, WRITING)
 
     def files(self, kind: str, name: str, fingerprints: Mapping[str, str]) -> dict[str, bytes]:
-        """The files of a folder. Raises `InputError`, naming the file, where one is not what it was."""
+        """The files of a folder. Raises `InputError` with the name of a missing or changed file."""
         found: dict[str, bytes] = {}
         for file, expected in fingerprints.items():
             path = self.path(kind, name, file)
@@ -157,7 +157,7 @@ class Store:
 
 @contextmanager
 def said(folder: Path) -> Iterator[None]:
-    """Say in one sentence when the disk refuses."""
+    """Turn errors of the disk into `InputError`."""
     try:
         yield
     except OSError as error:

@@ -1,7 +1,7 @@
-"""A robot's torques along an exactly known motion, and what each effect adds to them.
+"""A robot's torques along an exactly known motion, and the contribution of each effect.
 
-Written for the challenge apart from the diagnosis, so that neither the concealment nor the score uses
-anything of what is judged. The motion is Exudyn's without sensors; the equations are the reference model's.
+Written for the challenge independently of the diagnosis, so that neither concealment nor score use
+the method under test. The motion is Exudyn's without sensors; the equations are the reference model's.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ __all__ = ["ArmAlong"]
 Array = NDArray[np.float64]
 
 STATE = ("position", "velocity", "acceleration")
-#: Degree of the spline through a faulty position whose derivatives are wanted.
+#: Degree of the spline for the derivatives of a position error.
 SPLINE = 5
-#: Relative step of a numerical derivative by a beam's numbers.
+#: Relative step of a numerical derivative with respect to beam parameters.
 BEAM_STEP = 0.01
 
 
 class ArmAlong:
-    """`robot` along `exact`, every channel without noise.
+    """`robot` along the noise-free recording `exact`.
 
-    All results are parts of what the torque channels say, shape (N, n): measured minus nominal is the sum of
-    the parts of what is hidden.
+    All results are contributions to the torque channels, shape (N, n): measured minus nominal is the sum of
+    the contributions of the hidden effects.
     """
 
     def __init__(self, robot: Robot, exact: Recording) -> None:
@@ -56,24 +56,24 @@ class ArmAlong:
 
     @cached_property
     def torque(self) -> Array:
-        """What the actuators gave."""
+        """Actuator torques."""
         return self._columns("torque")
 
     @cached_property
     def rigid(self) -> Array:
-        """Inverse dynamics of the description, effects left out."""
+        """Inverse dynamics of the described robot without effects."""
         rows = self.model.inverse_dynamics(*self.state, **self._passive)
-        first = 6 * self.model.free_base  # along a motion that base and links follow, their rows vanish
+        first = 6 * self.model.free_base  # the rows of base and links vanish along the motion
         return np.asarray(rows[:, first : first + len(self.joints)])
 
     @cached_property
     def regressor(self) -> Array:
-        """Derivative of `rigid` by `model.inertial_names`, shape (N, n, P)."""
+        """Derivative of `rigid` with respect to `model.inertial_names`, shape (N, n, P)."""
         return self._rows.torque(self.model.regressor(*self.state, **self._passive))
 
     @cached_property
     def inertance(self) -> tuple[Array, Array, Array]:
-        """Derivatives of the torques by position, velocity, acceleration of fast motion, (N, n, n)."""
+        """Derivatives of the torques w.r.t. position, velocity and acceleration of fast motion, (N, n, n)."""
         q, v, a = (self._rows.stiff(jacobian) for jacobian in self._jacobians)
         return q, v, a
 
@@ -87,7 +87,7 @@ class ArmAlong:
 
     @property
     def _passive(self) -> dict[str, Any]:
-        """How base and flexible links move."""
+        """Motion of base and flexible links."""
         return {"base": self._base, "inner": self._inner}
 
     @cached_property
@@ -95,7 +95,7 @@ class ArmAlong:
         return PassiveRows.of(self.model, self.time, self.state[0], self._base, self._inner)
 
     def nominal(self) -> Array:
-        """The torque that the description with all its effects at joints and bodies needs."""
+        """Torque of the described robot with all its effects at joints and bodies."""
         return self._nominal
 
     @cached_property
@@ -104,9 +104,9 @@ class ArmAlong:
         return self.rigid + np.sum([self.part(use) for use in uses], axis=0) if uses else self.rigid
 
     def part(self, use: EffectUse, *, friction: Array | None = None) -> Array:
-        """What an effect adds to measured minus nominal torque, shape (N, n).
+        """Contribution of an effect to measured minus nominal torque, shape (N, n).
 
-        `friction` is that of the joint's friction laws, for modifiers; the recorded one when left out.
+        `friction` is the torque of the joint's friction laws, for modifiers; by default the recorded one.
         """
         effect = get_effect(use.effect)
         values = {**effect.defaults(), **use.parameters}
@@ -115,7 +115,9 @@ class ArmAlong:
         if isinstance(effect, BodyEffect):
             return self._body_part(effect, use.at, values)
         if isinstance(effect, GearEffect):
-            return np.zeros_like(self.rigid)  # it lets the motor run ahead; what it passes on is the same
+            return np.zeros_like(
+                self.rigid
+            )  # it changes the motion of the motor but not the transmitted torque
         if isinstance(effect, SensorEffect):
             return self._sensor_part(effect, use.at, values)
         assert isinstance(effect, JointEffect)
@@ -146,15 +148,15 @@ class ArmAlong:
         return self.exact[channel] if channel in self.exact else np.full_like(self.time, AMBIENT_TEMPERATURE)
 
     def _simulated_part(self, use: EffectUse) -> Array:
-        """What a change of the robot itself does to the torques, both robots simulated along the motion."""
-        return self._prescribed(self._bare.with_effects(use)) - self._still
+        """Change of the torques by a change of the robot, from simulations of both along the motion."""
+        return self._prescribed(self._bare.with_effects(use)) - self._unchanged
 
     @cached_property
     def _bare(self) -> Robot:
         return self.robot.model_copy(update={"effects": ()})
 
     @cached_property
-    def _still(self) -> Array:
+    def _unchanged(self) -> Array:
         return self._prescribed(self._bare)
 
     def _prescribed(self, robot: Robot) -> Array:
@@ -163,9 +165,9 @@ class ArmAlong:
 
     @cached_property
     def beam_columns(self) -> tuple[Array, ...]:
-        """Derivatives of the torques by relative changes of what a bending link's beam is described by.
+        """Derivatives of the torques with respect to relative changes of the parameters of flexible links.
 
-        Of its stiffness, its own mass and that at its tip, (N, n) each.
+        Parameters are stiffness, mass of the beam and mass at its tip, (N, n) each.
         """
         found = []
         for link in self._bare.flexible_links:
@@ -179,7 +181,7 @@ class ArmAlong:
                 other = link.model_copy(update={"beam": beam.model_copy(update=change)})
                 links = tuple(other if own is link else own for own in self._bare.links)
                 moved = self._prescribed(self._bare.model_copy(update={"links": links}))
-                found.append((moved - self._still) / BEAM_STEP)
+                found.append((moved - self._unchanged) / BEAM_STEP)
         return tuple(found)
 
     def _body_part(self, effect: BodyEffect, body: str, values: Mapping[str, float]) -> Array:
@@ -212,5 +214,5 @@ class ArmAlong:
 
 
 def _numbers(constant: ca.SX | float) -> Array:
-    """A constant expression as an array of two dimensions."""
+    """A constant expression as a two-dimensional array."""
     return np.asarray(ca.evalf(ca.SX(constant)).full())

@@ -1,13 +1,13 @@
-"""What a change of the forces in all rows does to the joints' torques while the joints move as they did.
+"""Change of the joint torques by a change of the generalised forces, for unchanged joint motion.
 
-No force acts on a free base, so its accelerations are eliminated. Flexible links answer by vibrating: with M
-the mass matrix of what is left, K and C the links' stiffness and damping, and f what a change adds to the
+No force acts on a free base, so its accelerations are eliminated. Flexible links vibrate: with M
+the remaining mass matrix, K and C the links' stiffness and damping, and f the change of the
 inverse dynamics,
 
     M_xx x'' + C x' + K x = -f_x,    torque = f_j + M_jx x'',
 
 from rest, exactly for matrices that hold for a while and forces that are linear between samples. Changes of
-gyroscopic forces by x are left out: they are to those of the modes as slewing to modal frequency, squared.
+gyroscopic forces of x are neglected: relative to those of the modes they are (slew rate / frequency)^2.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ __all__ = ["PassiveRows"]
 
 Array = NDArray[np.float64]
 
-#: Poses along a motion at which the matrices of the modes are taken.
+#: Number of poses along a motion at which the matrices of the modes are evaluated.
 POSES = 64
 
 
 @dataclass(frozen=True)
 class PassiveRows:
-    """Base, joints and modes of a robot along a motion, rows in that order.
+    """Equations of base, joints and modes of a robot along a motion, with rows in that order.
 
     Attributes:
-        matrix: of joints and modes, the base's accelerations eliminated, shape (N, n + s, n + s).
-        reduction: Z_jb Z_bb^-1 of a free base, shape (N, n + s, 6); None of a fixed one.
-        stiffness, damping: of the modes, shape (s, s).
+        matrix: mass matrix of joints and modes without the base's accelerations, shape (N, n + s, n + s).
+        reduction: Z_jb Z_bb^-1 of a free base, shape (N, n + s, 6); None for a fixed one.
+        stiffness, damping: matrices of the modes, shape (s, s).
         joints: number n of joints.
         step: sample time [s].
     """
@@ -58,7 +58,7 @@ class PassiveRows:
         base: BaseMotion | None,
         inner: InnerMotion | None,
     ) -> PassiveRows:
-        """Of a model without spherical joints, with the motion of its base and its flexible links."""
+        """For a model without spherical joints, with the motion of its base and its flexible links."""
         z = np.asarray(model.mass_matrix(position, base=base, inner=inner))
         reduction: Array | None = None
         if base is not None:
@@ -72,7 +72,7 @@ class PassiveRows:
         return cls(z, reduction, stiffness, damping, len(model.joints), float(time[1] - time[0]))
 
     def torque(self, rows: Array) -> Array:
-        """Torque at the joints of a change of all rows, shape (N, rows, k) to (N, n, k)."""
+        """Joint torques of a change of all rows, shape (N, rows, k) to (N, n, k)."""
         if self.reduction is not None:
             rows = rows[:, 6:] - self.reduction @ rows[:, :6]
         n = self.joints
@@ -82,7 +82,7 @@ class PassiveRows:
         return np.asarray(rows[:, :n] + self.matrix[:, :n, n:] @ moved)
 
     def stiff(self, rows: Array) -> Array:
-        """The same at frequencies far above those of the modes, whose springs are too soft to matter."""
+        """The same at frequencies far above those of the modes, where their stiffness is negligible."""
         if self.reduction is not None:
             rows = rows[:, 6:] - self.reduction @ rows[:, :6]
         n = self.joints
@@ -109,7 +109,7 @@ class PassiveRows:
         return found
 
     def _transition(self, pull: Array, push: Array) -> tuple[Array, Array, Array]:
-        """Of [x; x'] over one sample, and by the force before and after it."""
+        """Transition of [x; x'] over one sample, and its response to the force before and after it."""
         s = len(pull)
         rate = np.zeros((4 * s, 4 * s))
         rate[:s, s : 2 * s] = np.eye(s)

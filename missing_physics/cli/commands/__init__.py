@@ -1,1 +1,1 @@
-"""The commands, one file each; every one has `register`, which adds it to the command line."""
+"""The commands, one file each; every file has `register`, which adds it to the command line."""

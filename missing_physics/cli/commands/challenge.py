@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-#: Number of the first case of a challenge that is given none: a number for development.
+#: Default number of the first case of a challenge: one for development.
 DEFAULT_SEED = 10000
 DEFAULT_CASES = 25
-#: Packages whose versions move numbers.
+#: Packages whose versions affect the results.
 PACKAGES = ("exudyn", "casadi", "numpy", "scipy", "missing-physics")
-#: What follows an interrupt.
+#: Message after an interrupt.
 AGAIN = "What is finished is kept; the same command goes on from there."
 
 

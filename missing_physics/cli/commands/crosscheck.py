@@ -1,4 +1,4 @@
-"""`missing-physics crosscheck`: both engines on one robot, friction and control; how far apart."""
+"""`missing-physics crosscheck`: differences of both engines for one robot, with friction and control."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ __all__ = ["Plan", "plan_of", "register"]
 
 #: Tolerances of the reference run, below the step error of the other engine.
 RTOL, ATOL = 1e-10, 1e-12
-#: Factor on them in the coarser run of the reference, whose difference bounds the error of the other.
+#: Factor on these in the reference's coarser run; the difference bounds the error of the finer run.
 COARSER = 10.0
 #: Factor on Exudyn's step in its coarser run; its local tolerance grows with the cube.
 DOUBLE = 2
 #: Range of Exudyn's default largest step [s], and the target number of steps of a motion.
 STEPS, MOST_STEPS = (1e-3, 5e-3), 4000
-#: Of the number of steps in an interval.
+#: Rounding of the number of steps in an interval.
 ROUNDING = 1e-9
 
 
@@ -57,7 +57,7 @@ class Flexible(StrEnum):
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to the front door."""
+    """Add the command to `app`."""
     app.command()(crosscheck)
 
 
@@ -151,7 +151,7 @@ def _usual_step(robot: Robot) -> float:
 
 
 def _lasting(robot: Robot, duration: float | None) -> Robot:
-    """The robot with a reference motion of `duration` [s], where that is given."""
+    """The robot with a reference motion of `duration` [s], if given."""
     if duration is None or robot.reference is None:
         return robot
     if not duration > 0:
@@ -186,7 +186,7 @@ class Plan:
     flexible: FlexibleName
 
     def check(self) -> None:
-        """Raise `InputError` for a robot that Exudyn cannot carry, before anything runs."""
+        """Raise `InputError` for a robot that Exudyn cannot simulate, before anything runs."""
         import exudyn_model
 
         exudyn_model.check(self.robot, step=self.step, formulation=self.formulation, flexible=self.flexible)
@@ -234,7 +234,7 @@ class Plan:
         return self.robot.reference.sample_rate * DOUBLE * self.step > 1 + ROUNDING
 
     def coarser(self, log: Steps, ours: Recording, theirs: Recording) -> list[tuple[Recording, Recording]]:
-        """Each engine's recording paired with its coarser one; empty where a coarser run fails."""
+        """Each engine's recording paired with its coarser one; empty if a coarser run fails."""
         try:
             return [
                 (ours, self.reference(log, factor=COARSER)),

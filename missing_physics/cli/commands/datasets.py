@@ -13,7 +13,7 @@ __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command with its two verbs to `app`."""
+    """Add the command with its two subcommands to `app`."""
     group = typer.Typer(
         no_args_is_help=True,
         help="Public real recordings: list them, or fetch one by commit and checksum. "

@@ -2,8 +2,8 @@
 
 Exudyn moves a space robot with physics that its robot file does not contain. This truth is encrypted and its
 fingerprint printed; the diagnosis runs in a separate process, isolated as far as the system allows; then the
-truth is revealed. The challenge is imported only when the demo runs, since diagnoses, another command of this
-program, run where it is not available.
+truth is revealed. The challenge is imported only when the demo runs, since `diagnose` also runs where it is
+not available.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class _Demo:
         return files, sealed, key, digest(truth)
 
     def _diagnose(self, files: Mapping[str, bytes]) -> dict[str, Any]:
-        """Answer of the public command in a separate process; its failure ends the demo with its code."""
+        """Answer of the public command in a separate process; if it fails, the demo exits with its code."""
         from missing_physics.challenge.processes import stage
         from missing_physics.challenge.processes.blind import isolation
         from missing_physics.challenge.seals.seal import digest
@@ -123,7 +123,7 @@ class _Demo:
         self.made |= outcome.files
         answer: dict[str, Any] = json.loads(outcome.files["diagnosis.json"])
         self._say("The diagnosis says: ", (answer["verdict"].upper(), "bold"))
-        for line in said(answer):
+        for line in answer_lines(answer):
             self.console.print(f"          {line}", soft_wrap=True)
         fingerprint = digest(outcome.files["diagnosis.json"])
         self.console.print(f"          SHA-256 of the answer  {fingerprint}", soft_wrap=True)
@@ -142,7 +142,7 @@ class _Demo:
         reveal(truth.designs[0].hidden[0], answer["findings"], self.console)
 
 
-def said(answer: Mapping[str, Any]) -> list[str]:
+def answer_lines(answer: Mapping[str, Any]) -> list[str]:
     """A line for each named effect with its probability; or the places of unnamed forces."""
     lines = [
         f"{f['effect']} at {f['location']}, probability {f['probability']:.3g}"
@@ -154,14 +154,14 @@ def said(answer: Mapping[str, Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Answer:
-    """The finding that answers the truth best, and the rest."""
+    """The finding that matches the truth best, and the others."""
 
     best: Mapping[str, Any]
     others: Sequence[Mapping[str, Any]]
 
 
 def _ranked(truth: EffectUse, findings: Sequence[Mapping[str, Any]]) -> _Answer:
-    """Rank: the right effect at the right place, then one that names it as possible, then others."""
+    """Rank: the right effect at the right place, then one ambiguous with it, then others."""
     label = f"{truth.effect}@{truth.at}"
     order = sorted(
         findings,
@@ -215,7 +215,7 @@ def _named(finding: Mapping[str, Any], truth: EffectUse) -> Text:
 
 
 def _estimate(found: Mapping[str, Any], truth: float | None) -> tuple[str, str, str, Text]:
-    """Cells of one parameter: truth, value, interval, and whether the interval holds the truth."""
+    """Cells of one parameter: truth, value, interval, and whether the interval contains the truth."""
     shown = "-" if truth is None else f"{truth:.4g}"
     value, (low, high) = found.get("value"), found.get("ci95") or (None, None)
     if value is None:

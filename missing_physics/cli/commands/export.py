@@ -66,7 +66,7 @@ def export(
     """Write the robot with what was found in DIR as a model that other simulators read.
 
     Bodies have their masses and inertias, joints their armature, damping, dry friction and springs, motors
-    their gain. What the format cannot hold is listed, and computed by a Python module beside the file.
+    their gain. What the format cannot hold is listed, and computed by a Python module next to the file.
     """
     from missing_physics.export import code_of, content_of
     from missing_physics.export.snippets import without_code

@@ -16,14 +16,14 @@ __all__ = ["Engine", "register", "simulate"]
 
 
 class Engine(StrEnum):
-    """The two engines; they share the robot's description and nothing else."""
+    """The two engines; they share only the robot's description."""
 
     reference = "reference"
     exudyn = "exudyn"
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to the front door."""
+    """Add the command to `app`."""
     app.command()(simulate)
 
 

@@ -1,1 +1,1 @@
-"""How a free base turns by its gyros, and what makes it turn otherwise than momentum demands."""
+"""Angular rates of a free base measured by gyros, and causes of deviations from momentum conservation."""

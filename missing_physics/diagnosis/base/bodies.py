@@ -1,4 +1,4 @@
-"""What other masses, centres and inertias would make of the rates of a free base: the standard model."""
+"""Standard model of the rates of a free base: their dependence on masses, centres and inertias."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ __all__ = ["MOMENTUM", "bodies_column", "layout_of", "momentum_names"]
 
 Array = NDArray[np.float64]
 
-#: Part of the name of the angular momentum with which a recording begins.
+#: Prefix of the names of a recording's initial angular momentum.
 MOMENTUM = "base.momentum"
 
 
 def momentum_names(run: int) -> tuple[str, ...]:
-    """Names of the angular momentum about the centre of mass with which a recording begins [N m s]."""
+    """Names of the components of a recording's initial angular momentum about the centre of mass [N m s]."""
     return tuple(f"{MOMENTUM} {axis} in {run}" for axis in "xyz")
 
 
 def layout_of(runs: Sequence[Rates], begun: int) -> Layout:
-    """Inertial numbers, of which bodies and beams are estimated, then momenta of the first recordings.
+    """Layout of the inertial parameters, bodies and beams estimated, then the first recordings' momenta.
 
     Args:
         runs: rates of each recording.
-        begun: of how many recordings the momentum is a parameter.
+        begun: number of recordings whose initial momentum is a parameter.
     """
     model = runs[0].dynamics.model
     robot, nominal = model.robot, model.inertial
@@ -58,7 +58,7 @@ def layout_of(runs: Sequence[Rates], begun: int) -> Layout:
         start=start,
         free=free,
         bodies=tuple(bodies.values()),
-        own=momenta,
+        gaussian=momenta,
         positive=np.zeros(0, dtype=int),
         size=size,
         centre=np.zeros(len(names)),
@@ -69,23 +69,23 @@ def layout_of(runs: Sequence[Rates], begun: int) -> Layout:
 
 
 def _momentum_size(rates: Rates) -> float:
-    """That of the robot turning as fast as it did at most [N m s]."""
+    """Angular momentum of the robot at its largest recorded angular rate [N m s]."""
     middle = rates.floating.mass[len(rates.floating.time) // 2, 3:6, 3:6]
     return float(np.linalg.eigvalsh(middle)[-1] * np.linalg.norm(rates.turning, axis=1).max())
 
 
 def bodies_column(rates: Rates) -> Array:
-    """Derivative of the rows by the inertial numbers, shape (K, m, P).
+    """Derivative of the rows by the inertial parameters, shape (K, m, P).
 
     Momentum, and the forces that make links vibrate, are Y phi along the motion that the robot file predicts.
-    Along the recorded one, where its momentum is not zero, all bodies being lighter would explain that.
+    Along the recorded motion the file's momentum is not zero, and lighter bodies would explain that.
     """
     floating, model, some = rates.floating, rates.dynamics.model, rates.instants
     joints, inner = rates.along(some)
     position, velocity, _ = joints
     still, level = np.zeros_like(velocity), np.array([1.0, 0.0, 0.0, 0.0])
     base = BaseMotion(*(part[some] for part in _parts(rates.base)))
-    zero = np.zeros_like(base.linear_velocity)  # momentum is M v, as forces at accelerations v
+    zero = np.zeros_like(base.linear_velocity)  # momentum M v equals the forces at accelerations v
     moving = BaseMotion(
         BaseMotion.at_rest(level, len(zero)).attitude, zero, zero, base.angular_velocity, base.linear_velocity
     )
@@ -98,12 +98,12 @@ def bodies_column(rates: Rates) -> Array:
         on_modes = floating.lever @ forces[:, :6] - forces[:, floating.modes]
         carried = carried + floating.mass[:, :6, floating.modes] @ floating.vibration(on_modes)
     found = rates.rows(floating.turned(-carried))
-    found[:, :, -3:] = 0.0  # gravity turns nothing that falls
+    found[:, :, -3:] = 0.0  # gravity does not turn a falling body
     return found
 
 
 def _at_rates(inner: InnerMotion) -> InnerMotion:
-    """Where links bend as they do, with their rates in place of accelerations."""
+    """The links' deflections, with their rates in place of their accelerations."""
     still = np.zeros_like(inner.modal)
     none = inner.balls, inner.ball_rates, inner.ball_accelerations
     return InnerMotion(*none, inner.modal, still, inner.modal_rates)

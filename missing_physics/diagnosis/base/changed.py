@@ -1,4 +1,4 @@
-"""A robot with more coordinates than the nominal one, along the motion of the latter."""
+"""A changed robot with additional coordinates, linearised along the motion of the nominal robot."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["Changed", "Slope", "masses_of"]
 
 Array = NDArray[np.float64]
 
-#: Steps of differences in modal coordinates [sqrt(kg) m] and rates: a centimetre of a hundred kilograms.
+#: Finite difference step of modal coordinates [sqrt(kg) m] and rates: a centimetre of a hundred kilograms.
 SMALL = 0.1
-#: What elasticity alone changes of a body.
+#: Fields of a flexible body that depend on its elasticity only.
 ELASTIC = frozenset({"stiffness", "damping", "frequencies"})
 
 
 def masses_of(model: RobotModel) -> tuple[object, ...]:
-    """Equal for models that differ in their elasticity only."""
+    """Key that is equal for models differing only in their elasticity."""
     bodies = [body.flexible for body in model.tree.bodies if body.flexible is not None]
     shapes = [
         np.asarray(getattr(body, field.name)).tobytes()
@@ -38,7 +38,7 @@ def masses_of(model: RobotModel) -> tuple[object, ...]:
 
 @dataclass(frozen=True)
 class Slope:
-    """Derivatives of what masses determine by a parameter.
+    """Derivatives by a parameter of the quantities that depend on masses.
 
     Attributes:
         mass, forces, momentum: of the mass matrix, of inverse dynamics and of the momentum by deflections.
@@ -50,11 +50,11 @@ class Slope:
 
 
 class Changed:
-    """What is new in a robot, moved about by the joints and the base as the nominal robot moves.
+    """The new modes of a changed robot, driven by the joint and base motion of the nominal robot.
 
     Args:
-        model: of the changed robot, with the joints of the nominal one; at rest its bodies are the same.
-        rates: of the nominal one.
+        model: of the changed robot, with the joints of the nominal one; undeformed, its bodies are the same.
+        rates: of the nominal robot.
 
     Attributes:
         elasticity: stiffness and damping of its modes, shape (s, s) each.
@@ -71,9 +71,9 @@ class Changed:
             base.angular_acceleration[some],
             base.linear_acceleration[some],
         )
-        there = {body.name for body in rates.dynamics.model.tree.bodies}
+        measured = {body.name for body in rates.dynamics.model.tree.bodies}
         bodies = [body for body in model.tree.bodies if body.flexible is not None]
-        known = [body.modal + k for body in bodies if body.name in there for k in range(body.modes)]
+        known = [body.modal + k for body in bodies if body.name in measured for k in range(body.modes)]
         self._known = np.array(known, dtype=int)
         self._new = np.setdiff1d(np.arange(model.tree.modal), self._known)
         modes = np.zeros((3, len(self._joints[0]), model.tree.modal))
@@ -87,7 +87,7 @@ class Changed:
         self._weightless = np.append(model.inertial[:-3], np.zeros(3))
 
     def bending_as(self, model: RobotModel) -> Changed:
-        """The same masses with the elasticity of another model; what masses alone determine is kept."""
+        """The same masses with the elasticity of another model; mass-dependent quantities are reused."""
         for kept in (self.inertia, self.force, self._turns):
             assert kept is not None
         found = copy(self)
@@ -95,22 +95,22 @@ class Changed:
         return found
 
     def slope(self, other: Changed, step: float) -> Slope:
-        """Derivative of what masses determine, from another one a step away."""
-        pairs = zip(self._massive, other._massive)
+        """Derivatives of mass-dependent quantities, by the difference to a robot one step away."""
+        pairs = zip(self._mass_dependent, other._mass_dependent)
         return Slope(*((theirs - own) / step for own, theirs in pairs))
 
     def moved(self, slope: Slope, step: float) -> Changed:
-        """With masses a step further along a slope."""
+        """The robot with its mass-dependent quantities extrapolated by a step along a slope."""
         found = copy(self)
         for name in ("_lever", "inertia", "force", "_turns"):
             found.__dict__.pop(name, None)
         parts = (slope.mass, slope.forces, slope.momentum)
-        values = (own + step * part for own, part in zip(self._massive, parts))
+        values = (own + step * part for own, part in zip(self._mass_dependent, parts))
         found._mass, found._forces, found._momentum_by_place = values
         return found
 
     @property
-    def _massive(self) -> tuple[Array, Array, Array]:
+    def _mass_dependent(self) -> tuple[Array, Array, Array]:
         return self._mass, self._forces, self._momentum_by_place
 
     @property
@@ -125,27 +125,27 @@ class Changed:
 
     @cached_property
     def inertia(self) -> Array:
-        """Of the modes with the base free, shape (G, s, s)."""
+        """Inertia of the modes with the base free, shape (G, s, s)."""
         rows = self._rows
         return np.asarray(self._mass[:, rows, rows] - self._lever @ self._mass[:, :6, rows])
 
     @cached_property
     def _forces(self) -> Array:
-        """That the motion needs on all rows, shape (G, rows)."""
+        """Generalised forces that the motion needs, shape (G, rows)."""
         return self._model.inverse_dynamics(*self._joints, base=self._base, inner=self._inner)
 
     @cached_property
     def force(self) -> Array:
-        """By the nominal motion on what is new, shape (G, s); what was there moves as it does."""
+        """Forces of the nominal motion on the new modes, shape (G, s); zero on the known modes."""
         found = -self._forces[:, self._rows]
         found[:, self._known] = 0.0
         return found
 
     @cached_property
     def turning(self) -> tuple[Array, Array]:
-        """What turning adds to the stiffness and the damping of what is new, shape (G, s, s) each.
+        """Change of stiffness and damping of the new modes due to the rotation, shape (G, s, s) each.
 
-        The base moves along so that the momentum stays what it is.
+        The base moves with the modes so that the momentum is conserved.
         """
         by_place, by_rate = (np.zeros_like(self.inertia) for _ in range(2))
         carried = self._momentum_by_place
@@ -160,7 +160,7 @@ class Changed:
             by_rate[:, :, k] = self._change(
                 -SMALL * self._lever[:, k], replace(self._inner, modal_rates=moved)
             )
-        stiffness, damping = self.elasticity  # both are in inverse dynamics already
+        stiffness, damping = self.elasticity  # already included in inverse dynamics
         by_place[:, :, self._new] -= SMALL * stiffness[:, self._new]
         by_rate[:, :, self._new] -= SMALL * damping[:, self._new]
         return by_place / SMALL, by_rate / SMALL
@@ -177,7 +177,7 @@ class Changed:
 
     @cached_property
     def _momentum_by_place(self) -> Array:
-        """Derivative of the momentum of all bodies by deflections of what is new, shape (G, 6, s)."""
+        """Derivative of the total momentum by deflections of the new modes, shape (G, 6, s)."""
         found = np.zeros((len(self._mass), 6, self._model.tree.modal))
         before = self._momentum(self._inner.modal)
         for k in self._new:
@@ -187,7 +187,7 @@ class Changed:
         return found
 
     def _momentum(self, modal: Array) -> Array:
-        """Momentum about the base's origin in its axes, shape (G, 6): M v, as forces at accelerations v."""
+        """Momentum M v about the base's origin in its axes, shape (G, 6): the forces at accelerations v."""
         position, velocity, _ = self._joints
         still = np.zeros_like(velocity)
         base = BaseMotion(
@@ -209,13 +209,13 @@ class Changed:
         return np.asarray(needed[:, :6])
 
     def turned(self, places: Array, rates: Array) -> Array:
-        """Angular rates of the base with modes deflected and moving, shape (G, s, C) each to (G, 3, C)."""
+        """Angular rates of the base for deflections and rates of the modes, (G, s, C) each to (G, 3, C)."""
         by_place, by_rate = self._turns
         return np.asarray(by_place @ places + by_rate @ rates)
 
     @cached_property
     def _turns(self) -> tuple[Array, Array]:
-        """Angular rates of the base by deflections and by rates of modes, shape (G, 3, s) each."""
+        """Derivatives of the base's angular rates by deflections and rates of modes, shape (G, 3, s) each."""
         carried = np.concatenate([self._momentum_by_place, self._mass[:, :6, self._rows]], axis=2)
         both = -np.linalg.solve(self._mass[:, :6, :6], carried)[:, 3:]
         half = both.shape[2] // 2

@@ -1,4 +1,4 @@
-"""What terms contribute to the rates of a free base, and its derivatives by their parameters."""
+"""Contributions of terms to the rates of a free base, and their derivatives by the terms' parameters."""
 
 from __future__ import annotations
 
@@ -28,39 +28,39 @@ __all__ = ["BaseColumns"]
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
-#: Derivatives of masses are taken again where a parameter has moved by this part of itself, or of its size.
+#: Derivatives by a parameter are recomputed once it changed by this fraction of its value or typical value.
 FAR = 0.5
-#: Changed robots whose masses along a recording are remembered: six sets of columns.
+#: Cached changed robots along one recording: six sets of columns.
 REMEMBERED = 48
 
 
 class BaseColumns:
-    """Columns of terms in the rates, those of the terms used last cached.
+    """Columns of terms in the rates; those of the terms used last are cached.
 
     Args:
         runs: rates of each recording.
-        quiet: what each recording says itself, and what is removed from its columns.
-        masks: which rows are compared, shape (K, m) each.
+        quiet: nuisance signals of each recording, which are removed from its columns.
+        masks: masks of the rows that are compared, shape (K, m) each.
     """
 
     def __init__(
         self, runs: Sequence[Rates], quiet: Sequence[Vibration], masks: Sequence[NDArray[np.bool_]]
     ) -> None:
         self._runs, self._quiet, self._masks = runs, quiet, masks
-        self._known: list[_Known] = [_Known() for _ in runs]
+        self._caches: list[_Known] = [_Known() for _ in runs]
         self._kept = Kept[Array]()
 
     def prepare(self, terms: Sequence[Term], run: int) -> None:
-        """Compute the columns of several terms, those of changes of the robot together."""
+        """Compute the columns of several terms; those of terms that change the robot together."""
         wanted = {self._key(term, run): term for term in terms}
-        alike: dict[tuple[object, ...], list[Term]] = {}
+        together: dict[tuple[object, ...], list[Term]] = {}
         for key, term in wanted.items():
             if self._kept.get(key) is None:
                 which = (*term.key, *(p.name for p in term.free))
                 one = which if isinstance(term.effect, StructureEffect) else key
-                alike.setdefault(one, []).append(term)
-        for group in alike.values():
-            for term, whole in zip(group, _columns(group, self._runs[run], self._known[run])):
+                together.setdefault(one, []).append(term)
+        for group in together.values():
+            for term, whole in zip(group, _columns(group, self._runs[run], self._caches[run])):
                 found = self._quiet[run].removed(whole * self._masks[run][:, :, None])
                 self._kept.keep(self._key(term, run), found)
 
@@ -69,30 +69,30 @@ class BaseColumns:
         return (*term.key, term.values, tuple(p.name for p in term.free), run)
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
-        """All channels, since what is removed ties them together, and a term's columns, (K, m, 1 + P)."""
+        """All channels, since removing nuisance signals couples them, and a term's columns, (K, m, 1 + P)."""
         self.prepare([term], run)
         found = self._kept.get(self._key(term, run))
         assert found is not None
         return np.arange(len(self._runs[run].channels)), found
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
-        """Sum of what terms contribute to the rates, shape (K, m)."""
+        """Sum of the contributions of terms to the rates, shape (K, m)."""
         rates = self._runs[run]
         found = np.zeros((rates.time.size, len(rates.channels)))
         for term in terms:
-            made = _made_by(term, rates, self._known[run])
+            made = _contribution(term, rates, self._caches[run])
             found += self._quiet[run].removed(made * self._masks[run])
         return found
 
 
 @dataclass
 class _Known:
-    """What is known of changed robots along one recording.
+    """Cache of changed robots along one recording.
 
     Attributes:
-        changed: by their masses.
-        near: with one number a step away, and the slope by which.
-        slopes: derivatives of what masses determine by a parameter of an effect, and where they were taken.
+        changed: robots by their masses.
+        near: robots with one parameter a step away, and the slope used.
+        slopes: derivatives of mass-dependent quantities by an effect's parameter, and the parameters there.
     """
 
     changed: dict[tuple[object, ...], Changed] = field(default_factory=dict)
@@ -100,15 +100,15 @@ class _Known:
     slopes: dict[tuple[str, str], tuple[Values, Slope | None]] = field(default_factory=dict)
 
 
-def _made_by(term: Term, rates: Rates, known: _Known) -> Array:
-    """What a term contributes to the rows of one recording [rad/s], shape (K, m); NaN where it cannot be."""
+def _contribution(term: Term, rates: Rates, known: _Known) -> Array:
+    """Contribution of a term to the rows of one recording [rad/s], (K, m); NaN if the term is impossible."""
     if isinstance(term.effect, SensorEffect):
         return _sensor(term, term.effect, rates)[:, :, 0]
     return rates.rows(_rates([term], [{}], rates, known))[:, :, 0]
 
 
 def _columns(terms: Sequence[Term], rates: Rates, known: _Known) -> list[Array]:
-    """Of terms of one effect, shape (K, m, 1 + P) each."""
+    """Columns of terms of one effect, shape (K, m, 1 + P) each."""
     effect = terms[0].effect
     if isinstance(effect, SensorEffect):
         return [_sensor(term, effect, rates) for term in terms]
@@ -124,7 +124,7 @@ def _columns(terms: Sequence[Term], rates: Rates, known: _Known) -> list[Array]:
 
 
 def _sensor(term: Term, effect: SensorEffect, rates: Rates) -> Array:
-    """A gyro's error at the rates that the robot file predicts, and its derivatives to first order."""
+    """A gyro's error at the rates predicted by the robot file, and its derivatives to first order."""
     k, time = rates.channels.index(term.at), rates.dynamics.motion.time
     since, value = time - time[0], rates.predicted[:, k]
     read = effect.apply(since, value, term.parameters)
@@ -137,9 +137,9 @@ def _sensor(term: Term, effect: SensorEffect, rates: Rates) -> Array:
 
 
 def _rates(terms: Sequence[Term], steps: Sequence[Values], rates: Rates, known: _Known) -> Array:
-    """Rates of the base that terms make, each followed by those a step of its numbers away, (G, 3, C)."""
+    """Rates of the base due to terms, each followed by those with one parameter a step away, (G, 3, C)."""
     if isinstance(terms[0].effect, StructureEffect):
-        return _shaken(terms, steps, rates, known)
+        return _rates_of_changed(terms, steps, rates, known)
     found = []
     for term, own in zip(terms, steps):
         assert isinstance(term.effect, ForceEffect)
@@ -149,10 +149,10 @@ def _rates(terms: Sequence[Term], steps: Sequence[Values], rates: Rates, known: 
     return rates.floating.under(np.stack(found, axis=2))
 
 
-def _shaken(terms: Sequence[Term], steps: Sequence[Values], rates: Rates, known: _Known) -> Array:
-    """The base turned by what effects make of the robot, (G, 3, C); NaN where it cannot have them.
+def _rates_of_changed(terms: Sequence[Term], steps: Sequence[Values], rates: Rates, known: _Known) -> Array:
+    """Rates of the base due to effects that change the robot, (G, 3, C); NaN if they are impossible.
 
-    To first order in how what is new answers to the known motion. All are integrated together.
+    To first order in the response of the new modes to the known motion. All are integrated together.
     """
     count = 1 + len(steps[0])
     found = np.zeros((rates.floating.time.size, 3, count * len(terms)))
@@ -181,11 +181,11 @@ def _shaken(terms: Sequence[Term], steps: Sequence[Values], rates: Rates, known:
 def _variants(
     term: Term, steps: Values, rates: Rates, known: _Known
 ) -> tuple[Changed | None, list[Changed] | None]:
-    """The changed robot and what it is with single numbers a step away.
+    """The changed robot, and its variants with single parameters a step away.
 
     Returns:
-        One of the same masses as the first, and all; nothing of both where the robot cannot have the term,
-        an empty list where that changes nothing.
+        A robot with the masses of the first variant, and all variants, the unchanged parameters first. Both
+        are None if the robot cannot have the term; the list is empty if the term changes nothing.
     """
     values, robot, effect = term.parameters, rates.dynamics.model.robot, term.effect
     assert isinstance(effect, StructureEffect)
@@ -195,7 +195,7 @@ def _variants(
             return None, []
     except InputError:
         return None, None
-    first = _known_of(_model(changed), rates, known)
+    first = _cached(_model(changed), rates, known)
     here, each = _model(changed), [first.bending_as(_model(changed))]
     for name, step in steps.items():
         slope, model = _slope(term, name, known), here
@@ -204,7 +204,7 @@ def _variants(
                 model = _model(effect.changed(robot, term.at, {**values, name: values[name] + step}))
             except InputError:
                 return None, None
-            other = _known_of(model, rates, known)
+            other = _cached(model, rates, known)
             if other is not first and _is_as_elastic(model, here):
                 slope = first.slope(other, step)
                 known.slopes[effect.id, name] = values, slope
@@ -220,24 +220,24 @@ def _variants(
 
 
 def _is_as_elastic(one: RobotModel, other: RobotModel) -> bool:
-    """Whether modes have the same stiffness and damping."""
+    """Whether the modes of two models have the same stiffness and damping."""
     return all(np.array_equal(a, b) for a, b in zip(one.elasticity(), other.elasticity()))
 
 
 def _slope(term: Term, name: str, known: _Known) -> Slope | None:
-    """How masses change with a parameter, where that is known from near by and nothing else changes."""
+    """Cached derivative by a parameter; None if it is unknown, was taken too far away, or does not apply."""
     at, slope = known.slopes.get((term.effect.id, name), ({}, None))
     return None if not at or _is_far(term, at) else slope
 
 
 def _is_far(term: Term, at: Values) -> bool:
-    """Whether a parameter has moved by more than half of its size."""
+    """Whether a parameter has changed by more than the fraction `FAR`."""
     moved = ((abs(term.parameters[p.name] - at[p.name]), p, at[p.name]) for p in term.effect.estimated)
     return any(apart > FAR * max(abs(before), p.typical) for apart, p, before in moved if p.name in at)
 
 
-def _known_of(model: RobotModel, rates: Rates, known: _Known) -> Changed:
-    """The changed robot, or one of the same masses."""
+def _cached(model: RobotModel, rates: Rates, known: _Known) -> Changed:
+    """The changed robot, or a cached one with the same masses."""
     masses = masses_of(model)
     if masses not in known.changed:
         known.changed[masses] = Changed(model, rates)
@@ -248,5 +248,5 @@ def _known_of(model: RobotModel, rates: Rates, known: _Known) -> Changed:
 
 @lru_cache
 def _model(robot: Robot) -> RobotModel:
-    """Of a changed robot, for all recordings."""
+    """Model of a changed robot, cached for all recordings."""
     return RobotModel(robot)

@@ -1,4 +1,4 @@
-"""Findings at a free base in the diagnosis, the robot file, and the torques that they take part in."""
+"""Findings at a free base: added to the diagnosis and the robot file, and removed from the torques."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ __all__ = ["with_base", "without_base_effects"]
 def without_base_effects(
     robot: Robot, recordings: Sequence[Recording], along: Sequence[MotionDynamics], found: BaseResult | None
 ) -> tuple[Recording, ...]:
-    """The recordings with torques as they would be without what was found on board.
+    """The recordings with joint torques corrected for the effects found on the base.
 
-    It moves the base by other torques than those of the joints, so that its share of what the joints' motion
-    takes is the difference of two prescribed motions.
+    These effects change the base's motion and so the torques that the joints' motion needs. The change is
+    the difference between two simulations with prescribed joint motion.
     """
     uses = () if found is None else tuple(_use(term) for term in found.terms if not _is_of_sensor(term))
     if not uses:
@@ -55,7 +55,7 @@ def with_base(result: Result, base: BaseResult, robot: Robot) -> Result:
 
     Args:
         result: the diagnosis of the torques.
-        base: of the gyros.
+        base: the diagnosis of the gyros.
         robot: the nominal robot.
     """
     uses = [_use(term) for term in base.terms]
@@ -64,7 +64,7 @@ def with_base(result: Result, base: BaseResult, robot: Robot) -> Result:
 
 
 def _use(term: Term) -> EffectUse:
-    """A term in a robot file."""
+    """A term as an effect of a robot file."""
     return use_of(term.effect.id, term.at, term.parameters)
 
 

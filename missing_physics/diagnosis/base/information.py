@@ -1,4 +1,4 @@
-"""What gyros say of the bodies, for the estimates from torques."""
+"""Information on the bodies from gyros, for the estimates from torques."""
 
 from __future__ import annotations
 
@@ -19,34 +19,35 @@ Array = NDArray[np.float64]
 
 
 def of_bodies(base: BaseResult | None) -> Information | None:
-    """Information of the gyros about the inertial numbers; None without gyros.
+    """Information on the inertial parameters from gyros; None without gyros.
 
-    The rows are those of the most probable hypothesis with all bodies estimated. They are linear about the
-    robot file, which errs by about the square of what the bodies change, over the rates' own size. Momenta at
-    the start, and the scale of every gyro within what is credible, are integrated out.
+    The rows are those of the most probable hypothesis with all bodies estimated, linearised at the robot
+    file. The linearisation error is about the square of the bodies' contribution over the rms of the rates.
+    Initial momenta, and the scale of every gyro within its credible range, are marginalised.
     """
     if base is None or base.data is None or base.answer is None:
         return None
     data, hypothesis = base.data, base.answer.hypothesis
-    is_off = BODIES not in hypothesis.filed
-    fit = fitted(data, replace(hypothesis, filed=hypothesis.filed - {BODIES}), base.answer)
-    apart = [
-        data.designs[run][data.rows_seen(run)] @ (fit.numbers - data.filed) for run in range(data.fitted)
+    is_off = BODIES not in hypothesis.from_file
+    fit = fitted(data, replace(hypothesis, from_file=hypothesis.from_file - {BODIES}), base.answer)
+    contributions = [
+        data.designs[run][data.fitted_rows(run)] @ (fit.parameters - data.file_values)
+        for run in range(data.fitted)
     ]
-    bent = np.mean(np.concatenate(apart) ** 2, axis=0) / data.size
-    weight = np.sqrt(data.independent / (fit.sigma**2 + data.error**2 + bent**2))
+    linearisation = np.mean(np.concatenate(contributions) ** 2, axis=0) / data.size
+    weight = np.sqrt(data.independent / (fit.sigma**2 + data.error**2 + linearisation**2))
     scales = [Term.of(get_effect("sensor_gain"), gyro, {"gain_error": 0.0}) for gyro in data.joints]
-    rows, left = [], []
+    rows, targets = [], []
     for run in range(data.fitted):
-        seen = data.rows_seen(run)[:, None] & data.counted(run)
+        fitted_rows = data.fitted_rows(run)[:, None] & data.counted(run)
         columns = [data.designs[run], *(data.columns(term, run)[:, :, 1:] for term in scales)]
-        rows.append((np.concatenate(columns, axis=2) * weight[:, None])[seen])
+        rows.append((np.concatenate(columns, axis=2) * weight[:, None])[fitted_rows])
         own = data.target(run) - data.terms.contributed(fit.hypothesis.terms, run)
-        left.append((own * weight)[seen])
-    design, target = np.concatenate(rows), np.concatenate(left)
+        targets.append((own * weight)[fitted_rows])
+    design, target = np.concatenate(rows), np.concatenate(targets)
     bodies = np.arange(data.runs[0].dynamics.model.inertial.size)
     names = data.layout.names
-    begun = [k for k in range(bodies.size, len(names)) if names[k] not in hypothesis.filed]
+    begun = [k for k in range(bodies.size, len(names)) if names[k] not in hypothesis.from_file]
     gains = np.arange(len(names), design.shape[1])
     gram, right = design.T @ design, design.T @ target
     known = [prior_of(term, p) for term in scales for p in term.free]

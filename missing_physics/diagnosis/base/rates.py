@@ -1,4 +1,4 @@
-"""The angular rates of a free base in one recording, and what the robot as described predicts of them."""
+"""The angular rates of a free base in one recording, and their prediction by the nominal robot."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ __all__ = ["Rates"]
 
 Array = NDArray[np.float64]
 
-#: Instants in a period of the cut-off at which the response of the base is computed: the trapezoidal rule
-#: then errs by 0.5 % of the frequency of what swings at a fifth of the cut-off, where the motion is.
+#: Instants per period of the cut-off at which the response of the base is computed. The trapezoidal rule then
+#: errs by 0.5 % of the frequency of vibrations at a fifth of the cut-off, where the motion lies.
 DENSE = 5
 
 
@@ -34,7 +34,7 @@ class Rates:
 
     Attributes:
         dynamics: of the nominal robot along the recording.
-        recording: of which they are.
+        recording: the recording.
         channels: of the gyros, `base.angular_velocity.AXIS`.
     """
 
@@ -54,40 +54,40 @@ class Rates:
 
     @property
     def time(self) -> Array:
-        """Of the rows [s], shape (K,)."""
+        """Times of the rows [s], shape (K,)."""
         return self.dynamics.motion.reduced_time
 
     @cached_property
     def measured(self) -> Array:
-        """As recorded [rad/s], shape (N, m)."""
+        """Recorded rates [rad/s], shape (N, m)."""
         return np.column_stack([self.dynamics.motion.others[channel] for channel in self.channels])
 
     @property
     def base(self) -> BaseMotion:
-        """Motion of the base as the robot file predicts it."""
+        """Motion of the base predicted by the robot file."""
         found = self.dynamics.base
         assert found is not None
         return found
 
     @cached_property
     def predicted(self) -> Array:
-        """By the robot file, after a start from rest [rad/s], shape (N, m)."""
+        """Rates predicted by the robot file, starting from rest [rad/s], shape (N, m)."""
         return np.asarray(self.base.angular_velocity[:, self.axes])
 
     @cached_property
     def turning(self) -> Array:
-        """Angular velocity of the base: as its gyros say, smooth, and as predicted elsewhere, (N, 3)."""
+        """Angular velocity of the base, (N, 3): smoothed gyro rates, and predicted ones about other axes."""
         found = self.base.angular_velocity.copy()
         motion = self.dynamics.motion
         found[:, self.axes] = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(self.measured)
         return found
 
     def reduce(self, values: Array) -> Array:
-        """Series at the full rate, filtered and decimated along the first axis."""
+        """Filter and decimate series at the full rate along the first axis."""
         return self.low_pass.reduce(values)
 
     def rows(self, rates: Array) -> Array:
-        """Rates of the base at the instants of `floating` as rows, shape (G, 3, C) to (K, m, C)."""
+        """Convert rates of the base at the instants of `floating` to rows, shape (G, 3, C) to (K, m, C)."""
         full, own = self.dynamics.motion.time, rates[:, self.axes]
         known = np.isfinite(own).all(axis=(0, 1))
         inside = make_interp_spline(self.floating.time, np.where(known, own, 0.0), k=3)(full)
@@ -100,7 +100,7 @@ class Rates:
 
     @cached_property
     def rotation(self) -> Array:
-        """Base to inertial axes as the rates integrate, shape (N, 3, 3)."""
+        """Rotation from base to inertial axes by integrating the rates, shape (N, 3, 3)."""
         motion = self.dynamics.motion
         steps = _rotations(0.5 * (self.turning[1:] + self.turning[:-1]) * np.diff(motion.time)[:, None])
         found = np.empty((motion.time.size, 3, 3))
@@ -131,7 +131,7 @@ class Rates:
 
     @cached_property
     def signals(self) -> BodySeries:
-        """How the base moves, for effects that push on it; places to the accuracy of the robot file."""
+        """Motion of the base, for forces on it; positions are as accurate as the robot file."""
         some = self.instants
         floating, ((_, velocity, _), inner) = self.floating, self.along(some)
         mass, turning = floating.mass, self.turning[some]
@@ -146,15 +146,15 @@ class Rates:
 
     @cached_property
     def vibration(self) -> Array:
-        """Rows of every way in which links may vibrate from the start, shape (K, m, V)."""
+        """Rows of all free vibrations of the links from the start, shape (K, m, V)."""
         if not self.dynamics.model.tree.modal:
             return np.zeros((self.time.size, len(self.axes), 0))
-        whole = self.response(slice(None)).free_vibration()
-        return self.reduce(whole[:, self.axes])
+        vibration = self.response(slice(None)).free_vibration()
+        return self.reduce(vibration[:, self.axes])
 
     @cached_property
     def covered(self) -> NDArray[np.bool_]:
-        """Rows about which each gyro was recorded without a gap, as far as the filter reaches, (K, m)."""
+        """Mask of the rows without a gap of the gyro within the filter's memory, shape (K, m)."""
         memory = 0.5 / self.low_pass.cutoff
         found = []
         for channel in self.channels:
@@ -165,7 +165,7 @@ class Rates:
 
     @cached_property
     def noise(self) -> Array:
-        """rms that white noise of gyros, and that of encoders, leaves in the rows [rad/s], shape (m,)."""
+        """rms in the rows due to white noise of gyros and encoders [rad/s], shape (m,)."""
         motion, robot = self.dynamics.motion, self.dynamics.model.robot
         cutoff = motion.low_pass.cutoff
         own = [gyro_noise(robot, self.recording, channel, cutoff) for channel in self.channels]

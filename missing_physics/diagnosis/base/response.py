@@ -1,9 +1,9 @@
-"""How a free base turns where momentum or forces differ a little from those of the robot as described.
+"""Response of a free base to small changes of momentum or forces relative to the nominal robot.
 
-Momentum of base, links and modes of links that bend is M_bb t + M_bm qd + M_bs xd, with the base's twist t.
-Nothing from outside acts on it, so that the base turns by M_bb^-1 (P - M_bs xd) more where a momentum P is
-added to it and modes move by xd more. P keeps its direction among the stars, so that its share along the
-base's axes follows from how the base turned, which its gyros say. Modes answer by the trapezoidal rule to
+Momentum of base, links and modes of flexible links is M_bb t + M_bm qd + M_bs xd, with the base's twist t.
+Without external forces the twist changes by M_bb^-1 (P - M_bs xd) if a momentum P is added and the modal
+rates change by xd. P is constant in inertial axes; its components along the base's axes follow from the
+rotation measured by the gyros. The modes' equation, integrated by the trapezoidal rule, is
 
     (M_ss - M_sb M_bb^-1 M_bs) a + C v + K x = f_s - M_sb M_bb^-1 f_b.
 """
@@ -51,13 +51,13 @@ class Floating:
 
     @property
     def centre(self) -> Array:
-        """Centre of mass in the base's frame [m], shape (G, 3): rotation couples with the base's force so."""
+        """Centre of mass in the base's frame [m], shape (G, 3), from the coupling of rotation and force."""
         weight = self.mass[:, 0, 0]
         lever = self.mass[:, :3, 3:6] / weight[:, None, None]  # -m [c x]
         return np.stack([lever[:, 1, 2], lever[:, 2, 0], lever[:, 0, 1]], axis=1)
 
     def turned(self, momentum: Array) -> Array:
-        """Angular rates that a momentum makes, base axes.
+        """Angular rates due to a momentum, in base axes.
 
         Args:
             momentum: [linear; angular] about the base's origin [N s, N m s], shape (G, 6, C).
@@ -68,16 +68,16 @@ class Floating:
         return np.asarray(np.linalg.solve(self.mass[:, :6, :6], momentum)[:, 3:])
 
     def kept(self, momentum: Array) -> Array:
-        """Momentum along the base's axes about its origin of one that is constant, shape (G, 6, C).
+        """A constant angular momentum in base axes about the base's origin, shape (G, 6, C).
 
         Args:
-            momentum: angular, about the centre of mass, in inertial axes [N m s], shape (3, C).
+            momentum: angular momentum about the centre of mass, in inertial axes [N m s], shape (3, C).
         """
         along = self.rotation.transpose(0, 2, 1) @ momentum
         return np.concatenate([np.zeros_like(along), along], axis=1)
 
     def gathered(self, force: Array) -> Array:
-        """Momentum that a force gives to all bodies since the first instant, shape (G, 6, C).
+        """Total momentum due to a force since the first instant, shape (G, 6, C).
 
         Args:
             force: [force; moment] about the base's origin in base axes [N, N m], shape (G, 6, C).
@@ -90,11 +90,11 @@ class Floating:
         return np.concatenate([linear, moment + np.cross(centre, linear, axis=1)], axis=1)
 
     def under(self, force: Array, forces_on_modes: Array | None = None) -> Array:
-        """Angular rates that forces on base and modes make from rest [rad/s], shape (G, 3, C).
+        """Angular rates due to forces on base and modes, starting from rest [rad/s], shape (G, 3, C).
 
         Args:
             force: on the base as in `gathered`.
-            forces_on_modes: shape (G, s, C); none act when left out.
+            forces_on_modes: shape (G, s, C); zero when None.
         """
         momentum = self.gathered(force)
         if self.stiffness.size:
@@ -105,7 +105,7 @@ class Floating:
         return self.turned(momentum)
 
     def shaken(self, forces_on_modes: Array) -> Array:
-        """Angular rates that forces within the robot make through its modes, shape (G, 3, C)."""
+        """Angular rates due to internal forces on the modes [rad/s], shape (G, 3, C)."""
         return self.turned(-self.mass[:, :6, self.modes] @ self.vibration(forces_on_modes))
 
     @property
@@ -116,18 +116,18 @@ class Floating:
 
     @property
     def inertia(self) -> Array:
-        """Of the modes with the base free, shape (G, s, s)."""
+        """Inertia of the modes with the base free, shape (G, s, s)."""
         rows = self.modes
         return np.asarray(self.mass[:, rows, rows] - self.lever @ self.mass[:, :6, rows])
 
     def vibration(self, force: Array) -> Array:
-        """Rates of the modes under forces with the base free, from rest, shape (G, s, C)."""
+        """Rates of the modes due to forces with the base free, starting from rest, shape (G, s, C)."""
         return vibrating(self.inertia, self.stiffness, self.damping, force, self.step)[1]
 
     def free_vibration(self) -> Array:
-        """Angular rates while modes swing that are deflected, or moving, at the start, shape (G, 3, 2 s).
+        """Angular rates due to free vibration of initially deflected or moving modes, shape (G, 3, 2 s).
 
-        Deflections are one, rates the mode's frequency.
+        Initial deflections are one, initial rates the mode's frequency.
         """
         count = len(self.stiffness)
         inertia = self.inertia

@@ -1,1 +1,1 @@
-"""The answer next to the robot file as it came and to the standard identification model."""
+"""Comparison of the answer with the nominal robot file and with the standard identification model."""

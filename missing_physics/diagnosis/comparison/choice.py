@@ -1,4 +1,4 @@
-"""Which robot file is written: the answer's, unless a simpler one predicts better what was not fitted."""
+"""Choice of the robot file to write: the answer's, unless a simpler one predicts held-out data better."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ Evaluated = Callable[[Robot], Predictions | None]
 
 @dataclass(frozen=True)
 class Choice:
-    """The robot file that is written.
+    """The robot file to be written.
 
     Attributes:
-        written: what is in it.
-        predictions: of it.
+        written: kind of its content.
+        predictions: of this file.
         worse: channels in which the answer was worse than the standard model.
-        whole: whether it was worse over all channels.
+        overall: whether it was worse over all channels.
     """
 
     written: Written
     predictions: Predictions
     worse: tuple[str, ...] = ()
-    whole: bool = False
+    overall: bool = False
 
 
 def chosen(
@@ -42,27 +42,27 @@ def chosen(
     noise: Mapping[str, float],
     evaluated: Evaluated,
 ) -> Choice:
-    """The answer where it is not worse than both others, else the best of what can take its place.
+    """The answer if it is not worse than the others, else the best alternative.
 
     Args:
-        answer: of the robot with what was found.
-        nominal: of the robot as described.
-        standard: of the standard model, None where that could not be fitted.
-        noise: rms that noise alone leaves, by channel: what is below it is not worse than anything.
-        evaluated: errors of another robot on the same samples.
+        answer: predictions of the robot with the findings.
+        nominal: of the nominal robot.
+        standard: of the standard model, None if it could not be fitted.
+        noise: rms of the noise by channel; errors below it never count as worse.
+        evaluated: computes the predictions of another robot on the same samples.
     """
     rivals = {"nominal": nominal} if standard is None else {"standard": standard, "nominal": nominal}
     level = levels(standard or nominal, noise)
     best = min(rivals, key=lambda name: energy(rivals[name], level))
-    whole = energy(answer, level) > WORSE**2 * max(energy(rivals[best], level), _floor(level, noise))
+    overall = energy(answer, level) > WORSE**2 * max(energy(rivals[best], level), _floor(level, noise))
     worse = () if standard is None else tuple(worse_channels(answer, standard, noise))
-    if whole:
-        return Choice("standard" if best == "standard" else "nominal", rivals[best], worse, whole=True)
+    if overall:
+        return Choice("standard" if best == "standard" else "nominal", rivals[best], worse, overall=True)
     if not worse or standard is None:
         return Choice("answer", answer)
     joints: set[str] = set()
     more = {channel.split(".")[0] for channel in worse}
-    while more - joints:  # bodies of one and friction of the other may fit another joint worse
+    while more - joints:  # mixing bodies and friction of both models may make another joint worse
         joints |= more
         for written, robot in _mixed(answer.robot, standard.robot, joints):
             made = evaluated(robot)
@@ -75,7 +75,7 @@ def chosen(
 
 
 def levels(reference: Predictions, noise: Mapping[str, float]) -> dict[str, float]:
-    """What errors of each channel are divided by before they are added: what the reference leaves there."""
+    """Scale of the errors of each channel before they are added: held-out rms of the reference."""
     return {
         channel: max(errors.validation_rms, noise.get(channel, 0.0), np.finfo(float).eps)
         for channel, errors in reference.errors.items()
@@ -83,7 +83,7 @@ def levels(reference: Predictions, noise: Mapping[str, float]) -> dict[str, floa
 
 
 def energy(made: Predictions, level: Mapping[str, float]) -> float:
-    """Mean square of errors that were not fitted, over `level`, each channel alike."""
+    """Mean over channels of the squared held-out rms in units of `level`."""
     parts = [(made.errors[c].validation_rms / level[c]) ** 2 for c in level if c in made.errors]
     return float(np.mean(parts)) if parts else 0.0
 
@@ -93,7 +93,7 @@ def _floor(level: Mapping[str, float], noise: Mapping[str, float]) -> float:
 
 
 def worse_channels(made: Predictions, standard: Predictions, noise: Mapping[str, float]) -> Iterator[str]:
-    """Channels in which `made` predicts what was not fitted worse than the standard model does."""
+    """Channels in which `made` predicts held-out data worse than the standard model."""
     for channel, errors in standard.errors.items():
         least = max(WORSE * errors.validation_rms, AT_NOISE * noise.get(channel, 0.0))
         if channel in made.errors and made.errors[channel].validation_rms > least:
@@ -101,7 +101,7 @@ def worse_channels(made: Predictions, standard: Predictions, noise: Mapping[str,
 
 
 def _mixed(answer: Robot, standard: Robot, joints: Collection[str]) -> Iterator[tuple[Written, Robot]]:
-    """Robots between the answer and the standard model, the one nearest to the answer first."""
+    """Mixtures of the answer and the standard model, the one nearest to the answer first."""
     effects = _friction_of(answer, standard, joints)
     bodies = {key: getattr(standard, key) for key in ("links", "base", "joints", "transmissions")}
     yield "standard_friction", answer.model_copy(update={"effects": effects})
@@ -110,7 +110,7 @@ def _mixed(answer: Robot, standard: Robot, joints: Collection[str]) -> Iterator[
 
 
 def _friction_of(answer: Robot, standard: Robot, joints: Collection[str]) -> tuple[EffectUse, ...]:
-    """The answer's effects, at `joints` with the friction and offset of the standard model."""
+    """The answer's effects, with friction and offset of the standard model at `joints`."""
     others = {id(use) for use in without_friction(answer).effects}
     kept = [use for use in answer.effects if id(use) in others or use.at not in joints]
     theirs = {id(use) for use in without_friction(standard).effects}

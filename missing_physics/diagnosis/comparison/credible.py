@@ -1,4 +1,4 @@
-"""Numbers of the findings and of the written robot file as a machine can have them."""
+"""Physically possible parameters in the findings and in the written robot file."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from robot_model import Robot
 
 __all__ = ["in_the_file", "with_priors"]
 
-#: Ends of names of numbers that are not negative in any machine.
+#: Suffixes of the names of parameters that cannot be negative.
 NEVER_NEGATIVE = (".mass", ".inertia.xx", ".inertia.yy", ".inertia.zz", ".reflected_inertia")
 
 
 def in_the_file(
     changes: Sequence[ParameterChange], robot: Robot, *, standard: bool
 ) -> tuple[ParameterChange, ...]:
-    """Re-estimated numbers as the robot file that is written has them.
+    """Re-estimated parameters with the values in the written robot file.
 
-    Data determine combinations of masses and inertias; a single number of an estimate may be none of a body,
-    as a negative moment of inertia. The file holds real bodies, and numbers that it does not hold are not
-    stated.
+    Data determine combinations of masses and inertias; a single parameter of an estimate may be impossible,
+    such as a negative moment of inertia. The file has physically consistent bodies. Changes whose interval
+    does not contain the file's value are omitted.
 
     Args:
-        changes: numbers as estimated.
-        robot: the file.
-        standard: whether it holds the standard model or the robot as described instead of the answer.
+        changes: parameters as estimated.
+        robot: the written robot file.
+        standard: whether it holds the standard model or the nominal robot instead of the answer.
     """
     if standard:
         return ()

@@ -1,4 +1,4 @@
-"""What a robot file leaves of the recordings, on samples that were fitted and on those that were not."""
+"""Prediction errors of a robot file on fitted and on held-out samples."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Predictions:
-    """Of one robot file.
+    """Predictions of one robot file and their errors.
 
     Attributes:
         robot: the file.
-        made: what it predicts of each recording.
-        errors: rms by channel, of the samples that count.
-        samples: independent samples that were not fitted, by channel: two in a period of the band's end.
+        made: its evaluation along each recording.
+        errors: rms by channel over the compared samples.
+        samples: independent held-out samples by channel: two per period of the band's end.
     """
 
     robot: Robot
@@ -35,9 +35,9 @@ class Predictions:
     samples: dict[str, float]
 
     def log_score(self) -> float:
-        """Logarithm of the density that the file gave to what was not fitted [nats].
+        """Log density of the held-out samples [nats].
 
-        Gaussian, in every channel with the variance that the file left in the fitted samples.
+        Gaussian, with the variance of the residual in the fitted samples of each channel.
         """
         total = 0.0
         for channel, errors in self.errors.items():
@@ -48,12 +48,12 @@ class Predictions:
 
 
 def predictions(robot: Robot, recordings: Sequence[Recording], rows: Sequence[Rows]) -> Predictions | None:
-    """Errors of `robot`; None where it cannot be evaluated along these recordings.
+    """Predictions of `robot`; None if it cannot be evaluated along these recordings.
 
     Args:
         robot: any robot file.
         recordings: as many as `rows`.
-        rows: samples that count; channels without any in which they were held out are left out.
+        rows: compared samples; channels without held-out samples are skipped.
     """
     try:
         made = tuple(evaluate(robot, recording, own.band) for recording, own in zip(recordings, rows))
@@ -63,18 +63,18 @@ def predictions(robot: Robot, recordings: Sequence[Recording], rows: Sequence[Ro
     for k, channel in enumerate(rows[0].channels):
         if any(channel not in one.channels for one in made):
             continue
-        parts = [_left(one, own, channel, k) for one, own in zip(made, rows)]
-        fitted, unseen = (np.concatenate([part[which] for part in parts]) for which in (0, 1))
-        if fitted.size and unseen.size and np.isfinite(unseen).all():
-            errors[channel] = Errors(_rms(fitted), _rms(unseen))
-            samples[channel] = unseen.size * min(1.0, 2.0 * rows[0].band.torque * step)
+        parts = [_residual(one, own, channel, k) for one, own in zip(made, rows)]
+        fitted, held_out = (np.concatenate([part[which] for part in parts]) for which in (0, 1))
+        if fitted.size and held_out.size and np.isfinite(held_out).all():
+            errors[channel] = Errors(_rms(fitted), _rms(held_out))
+            samples[channel] = held_out.size * min(1.0, 2.0 * rows[0].band.torque * step)
     return Predictions(robot, made, errors, samples)
 
 
-def _left(made: Evaluation, rows: Rows, channel: str, k: int) -> tuple[Array, Array]:
-    """Residual of one channel in samples that were fitted, and in those that were not."""
-    left, counted = made.at(rows.time, channel), rows.counted[:, k]
-    return left[counted & ~rows.held_out], left[counted & rows.held_out]
+def _residual(made: Evaluation, rows: Rows, channel: str, k: int) -> tuple[Array, Array]:
+    """Residual of one channel in fitted and in held-out samples."""
+    residual, counted = made.at(rows.time, channel), rows.counted[:, k]
+    return residual[counted & ~rows.held_out], residual[counted & rows.held_out]
 
 
 def _rms(values: Array) -> float:

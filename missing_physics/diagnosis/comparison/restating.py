@@ -1,4 +1,4 @@
-"""Errors and series of a diagnosis as those of three robot files along the recorded motion."""
+"""Replaces errors and series of a diagnosis by those of three robot files along the recorded motion."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ def _channel(
 def _series(
     series: Sequence[ChannelSeries], nominal: Sequence[Evaluation], answer: Sequence[Evaluation]
 ) -> Iterator[ChannelSeries]:
-    """Of each channel one comes for every recording, in order."""
-    seen: Counter[str] = Counter()
+    """Series with the predictions of the files; each channel has one series per recording, in order."""
+    counts: Counter[str] = Counter()
     for one in series:
-        number = seen[one.channel]
-        seen[one.channel] += 1
+        number = counts[one.channel]
+        counts[one.channel] += 1
         if one.counted is None or number >= len(answer) or one.channel not in answer[number].channels:
             yield one
         else:
-            left = [made[number].at(one.time, one.channel) for made in (nominal, answer)]
-            yield replace(one, nominal=one.measured - left[0], augmented=one.measured - left[1])
+            residuals = [made[number].at(one.time, one.channel) for made in (nominal, answer)]
+            yield replace(one, nominal=one.measured - residuals[0], augmented=one.measured - residuals[1])
 
 
 def _improvement(series: Sequence[ChannelSeries], floor: Mapping[str, float]) -> float:
-    """1 - after/before of the held-out error along the motion, in units of what no model predicts."""
+    """1 - after/before of the held-out error along the motion, in units of the floor of any model."""
     energies = np.zeros(2)
     for one in series:
         if one.counted is None or one.channel not in floor:

@@ -1,4 +1,4 @@
-"""What a comparison says, for people."""
+"""Sentences of the comparison for the user."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ __all__ = [
     "NAMED_BY_STANDARD",
     "NUMBERS_ARE_OFF",
     "PREDICTED_BETTER",
-    "left_over",
+    "choice_sentence",
     "no_comparison",
-    "of_choice",
+    "remaining_errors",
 ]
 
-#: Channels of which is said how much is left, those farthest above the noise.
+#: Channels whose remaining error is reported: those farthest above the noise.
 MOST = 3
 
-#: Said of names at a joint that the standard model predicts better.
+#: Note on findings at a joint that the standard model predicts better.
 PREDICTED_BETTER = "The standard model predicts this joint better."
-BEYOND_A_FILE = "No standard model: a robot file cannot hold its numbers, so that it cannot be evaluated."
+BEYOND_A_FILE = "No standard model: a robot file cannot hold its parameters, so it cannot be evaluated."
 NAMED_BY_STANDARD = (
-    "All that is named is in the standard model, whose numbers predict held-out data better: the robot file "
-    "has these."
+    "All effects found are part of the standard model, whose parameters predict held-out data better: the "
+    "robot file has these parameters."
 )
 NUMBERS_ARE_OFF = (
-    "No effect has to be missing: other masses, inertias or friction than the robot file's predict the "
-    "recordings, and the written file has them. A load or drive that is not in the file may look alike."
+    "No effect needs to be missing: masses, inertias or friction other than the robot file's predict the "
+    "recordings, and the written file has them. A load or drive missing in the file may look the same."
 )
-OF_WHOLE = {
+OVERALL = {
     "standard": (
         "On data that were not fitted the answer predicts worse than the standard model, so nothing of it "
         "is proven and the robot file holds the standard model."
@@ -53,28 +53,28 @@ OF_JOINTS = {
 
 
 def no_comparison(rows: Sequence[Rows]) -> str:
-    """Why the standard model is not compared."""
+    """Why there is no comparison with the standard model."""
     if not rows:
-        return "No standard model: too little can be judged from these recordings."
+        return "No standard model: these recordings do not contain enough data."
     return "No standard model: the robot file cannot be evaluated along these recordings."
 
 
-def of_choice(choice: Choice) -> str:
-    """Why the robot file does not hold the answer; empty where it does."""
+def choice_sentence(choice: Choice) -> str:
+    """Why the robot file does not hold the answer; empty if it does."""
     if choice.written == "answer":
         return ""
-    if choice.whole:
-        return OF_WHOLE[choice.written]
+    if choice.overall:
+        return OVERALL[choice.written]
     where = ", ".join(channel.split(".")[0] for channel in choice.worse)
     return f"At {where} the standard model predicts held-out data better: {OF_JOINTS[choice.written]}."
 
 
-def left_over(fit: Fit, floor: Mapping[str, float]) -> Iterator[str]:
-    """How much is left on data that were not fitted, in the channels farthest above what no model predicts.
+def remaining_errors(fit: Fit, floor: Mapping[str, float]) -> Iterator[str]:
+    """Remaining errors on held-out data, in the channels farthest above the floor of any model.
 
     Args:
-        fit: of all channels.
-        floor: rms by channel below which errors are not significant; the noise where it is not stated.
+        fit: errors of all channels.
+        floor: rms by channel below which errors are not significant; by default the noise.
     """
     least = np.finfo(float).eps
     levels = {name: max(one.noise_floor, floor.get(name, 0.0), least) for name, one in fit.channels.items()}

@@ -1,4 +1,4 @@
-"""The last step: errors of robot as described, standard model and answer, and what follows of them."""
+"""The last step: errors of nominal robot, standard model and answer, and the resulting verdict."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from missing_physics.diagnosis.comparison.sentences import (
     NAMED_BY_STANDARD,
     NUMBERS_ARE_OFF,
     PREDICTED_BETTER,
-    left_over,
+    choice_sentence,
     no_comparison,
-    of_choice,
+    remaining_errors,
 )
 from missing_physics.diagnosis.comparison.summary import summary
 from missing_physics.diagnosis.comparison.verdict import LARGER_PART, Held, Search, decided, energies
@@ -39,16 +39,16 @@ def compared(
     recordings: Sequence[Recording],
     fitted: int,
 ) -> Result:
-    """`result` with the standard model next to it, and the robot file that predicts best.
+    """`result` with the comparison to the standard model, and with the robot file that predicts best.
 
     Args:
         result: a diagnosis with its robot file.
-        robot: as the user described it.
-        recordings: all of them, those that are fitted first.
-        fitted: how many these are.
+        robot: the nominal robot.
+        recordings: all recordings, the fitted ones first.
+        fitted: number of recordings that are fitted.
 
-    The answer was compared with the standard model joint by joint already (`missing_physics.answer.guard`),
-    so that names which are all in that model are not refuted by its slightly better predictions.
+    The answer was already compared with the standard model joint by joint (`missing_physics.answer.guard`).
+    So findings that are all part of that model are not refuted by its slightly better predictions.
     """
     rows = result.rows
     fit, why = _standard(robot, recordings[:fitted], rows) if rows else (None, "")
@@ -62,7 +62,7 @@ def compared(
         nominal = predictions(robot, recordings, rows)
         answer = predictions(robot_from_toml(result.augmented_robot_toml), recordings, rows)
     if nominal is None or answer is None:
-        return _told(result, Comparison(words=no_comparison(rows)))
+        return _with_comparison(result, Comparison(words=no_comparison(rows)))
     made = None if standard is None else predictions(standard, recordings, rows)
     if standard is not None and made is None:
         why = BEYOND_A_FILE
@@ -73,64 +73,68 @@ def compared(
             answer, nominal, made, rows[0].floor, lambda other: predictions(other, recordings, rows)
         )
     if choice.written.startswith("standard") and _is_standard(result.diagnosis.findings):
-        choice = replace(choice, written="answer", worse=(), whole=False)
+        choice = replace(choice, written="answer", worse=(), overall=False)
     result = restated(result, nominal, choice.predictions, made)
     three = nominal, made, choice.predictions
     named = _standard_names(choice.written, choice.predictions.robot, result.diagnosis.findings)
-    said = why or (NAMED_BY_STANDARD if named else of_choice(choice))
-    comparison = Comparison(_channels(result.diagnosis.fit, three, noise), choice.written, choice.worse, said)
+    words = why or (NAMED_BY_STANDARD if named else choice_sentence(choice))
+    comparison = Comparison(
+        _channels(result.diagnosis.fit, three, noise), choice.written, choice.worse, words
+    )
     score = LogScore(*(None if one is None else one.log_score() for one in three))  # type: ignore[arg-type]
     file = choice.predictions.robot
-    told = result.diagnosis
+    diagnosis = result.diagnosis
     others = choice.written in ("standard", "nominal", "standard_bodies")
-    numbers = in_the_file(told.nominal_parameters, file, standard=others)
+    numbers = in_the_file(diagnosis.nominal_parameters, file, standard=others)
     result = replace(
         result,
         augmented_robot_toml=robot_to_toml(file),
-        diagnosis=replace(told, nominal_parameters=numbers),
+        diagnosis=replace(diagnosis, nominal_parameters=numbers),
     )
-    return _told(result, comparison, score)
+    return _with_comparison(result, comparison, score)
 
 
 def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
-    """`result` with the verdict and the summary that follow of everything in it.
+    """`result` with the verdict and the summary that follow from its content.
 
     Args:
         result: the diagnosis with its errors.
-        robot: as the user described it.
-        lacking: joints of which nothing can be judged, as the recordings say.
+        robot: the nominal robot.
+        lacking: joints that cannot be judged from the recordings.
     """
-    told = result.diagnosis
-    if told.verdict == "not_enough_data":
+    diagnosis = result.diagnosis
+    if diagnosis.verdict == "not_enough_data":
         return result
     silent = tuple(dict.fromkeys([*lacking, *not_judged(robot, result.rows)]))
     floor = result.rows[0].floor if result.rows else {}
-    written, held = told.comparison.written, _held(told.fit, floor, silent)
+    written, held = diagnosis.comparison.written, _held(diagnosis.fit, floor, silent)
     before, after = energies(held)
     file = robot_from_toml(result.augmented_robot_toml)
-    named_by_standard = _standard_names(written, file, told.findings)
+    named_by_standard = _standard_names(written, file, diagnosis.findings)
     explained = 1.0 - after / before if before > 0.0 else 0.0
-    renumbered = not (told.findings or told.unnamed) and explained >= LARGER_PART
+    renumbered = not (diagnosis.findings or diagnosis.unnamed) and explained >= LARGER_PART
     renumbered = renumbered and _has_credible_bodies(robot, file)
     named_by_standard = named_by_standard or (renumbered and written.startswith("standard"))
-    if named_by_standard:  # it says the same, and is no rival
+    if named_by_standard:  # the standard model agrees with the answer and is no rival
         held = [replace(one, standard=None) for one in held]
     search = Search(
-        told.verdict,
+        diagnosis.verdict,
         worse=written in ("standard", "nominal") and not named_by_standard,
         mixed=written != "answer" and not named_by_standard,
         renumbered=renumbered,
         explained=explained,
     )
-    verdict = decided(held, told.findings, told.unnamed, search)
-    sentences = [summary(robot, verdict, told.mismatch, told.findings, told.fit, told.unnamed)]
+    verdict = decided(held, diagnosis.findings, diagnosis.unnamed, search)
+    sentences = [
+        summary(robot, verdict, diagnosis.mismatch, diagnosis.findings, diagnosis.fit, diagnosis.unnamed)
+    ]
     if renumbered and verdict != "unexplained":
-        told = replace(told, comparison=replace(told.comparison, words=NUMBERS_ARE_OFF))
+        diagnosis = replace(diagnosis, comparison=replace(diagnosis.comparison, words=NUMBERS_ARE_OFF))
     if verdict == "partly_explained":
-        sentences += left_over(told.fit, floor)
-    if told.comparison.words and (renumbered or told.comparison.written != "answer"):
-        sentences.append(told.comparison.words)
-    diagnosis = replace(told, verdict=verdict, summary=" ".join(sentences), not_judged=silent)
+        sentences += remaining_errors(diagnosis.fit, floor)
+    if diagnosis.comparison.words and (renumbered or diagnosis.comparison.written != "answer"):
+        sentences.append(diagnosis.comparison.words)
+    diagnosis = replace(diagnosis, verdict=verdict, summary=" ".join(sentences), not_judged=silent)
     return replace(result, diagnosis=diagnosis)
 
 
@@ -141,13 +145,13 @@ def _has_credible_bodies(robot: Robot, file: Robot) -> bool:
 
 
 def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
-    """Drives of which no fitted sample counts: their torque is not known, or they hardly move."""
+    """Drives without a compared sample: their torque is not known, or they hardly move."""
     counted = fitted_channels(rows)
     return tuple(j.name for j in robot.drives if rows and f"{j.name}.torque" not in counted)
 
 
 def _standard_names(written: str, file: Robot, findings: Sequence[Finding]) -> bool:
-    """Whether the robot file has the standard model's numbers, and these confirm all that is named."""
+    """Whether the robot file has the standard model's parameters, and these confirm all findings."""
     if not written.startswith("standard") or not _is_standard(findings):
         return False
     return all(
@@ -157,7 +161,7 @@ def _standard_names(written: str, file: Robot, findings: Sequence[Finding]) -> b
 
 
 def _confirms(use: EffectUse, finding: Finding) -> bool:
-    """Whether every number is as near to the finding's as its interval is wide."""
+    """Whether every parameter is within the width of the interval of the finding's parameter."""
     numbers = use.model_dump()
     return bool(finding.parameters) and all(
         abs(numbers[name] - one.value) <= one.ci95[1] - one.ci95[0]
@@ -166,13 +170,13 @@ def _confirms(use: EffectUse, finding: Finding) -> bool:
 
 
 def _is_standard(findings: Sequence[Finding]) -> bool:
-    """Whether all that is named is in the standard model, whose numbers are as good as the answer's then."""
+    """Whether all findings are effects of the standard model, whose parameters are then as good."""
     own = {effect for effect, _, _ in EFFECTS.values()}
     return bool(findings) and {finding.effect for finding in findings} <= own
 
 
-def _told(result: Result, comparison: Comparison, score: LogScore | None = None) -> Result:
-    """`result` with the comparison, which names at joints that the standard model predicts better say."""
+def _with_comparison(result: Result, comparison: Comparison, score: LogScore | None = None) -> Result:
+    """`result` with the comparison, noted at findings whose joint the standard model predicts better."""
     joints = {channel.split(".")[0] for channel in comparison.worse}
     findings = tuple(
         replace(f, note=" ".join([*([f.note] if f.note else []), PREDICTED_BETTER]))
@@ -180,14 +184,14 @@ def _told(result: Result, comparison: Comparison, score: LogScore | None = None)
         else f
         for f in result.diagnosis.findings
     )
-    told = replace(result.diagnosis, comparison=comparison, log_score=score, findings=findings)
-    return replace(result, diagnosis=told)
+    diagnosis = replace(result.diagnosis, comparison=comparison, log_score=score, findings=findings)
+    return replace(result, diagnosis=diagnosis)
 
 
 def _standard(
     robot: Robot, recordings: Sequence[Recording], rows: Sequence[Rows]
 ) -> tuple[StandardModel | None, str]:
-    """The standard model, fitted to what is compared, or why there is none."""
+    """The standard model, fitted to the compared samples, or the reason why there is none."""
     fitted = rows[: len(recordings)]
     windows, samples = [own.windows for own in fitted], [own.sample for own in fitted]
     try:
@@ -214,12 +218,12 @@ def _channels(
 
 
 def _held(fit: Fit, floor: Mapping[str, float], silent: Collection[str]) -> list[Held]:
-    """Held-out errors of the channels that the verdict is about. The error of any model counts as noise.
+    """Held-out errors of the channels on which the verdict is based; the error of any model counts as noise.
 
     Args:
-        fit: of all channels.
-        floor: rms by channel of which nothing can be said.
-        silent: joints that could not be judged; what is left there says nothing about the answer.
+        fit: errors of all channels.
+        floor: rms by channel below which errors are not significant.
+        silent: joints that could not be judged; their residuals are ignored.
     """
     return [
         Held(

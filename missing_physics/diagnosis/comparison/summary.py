@@ -1,4 +1,4 @@
-"""The summary of a diagnosis, for people."""
+"""The summary of a diagnosis for the user."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def summary(
     fit: Fit,
     unnamed: Sequence[Unnamed] = (),
 ) -> str:
-    """One paragraph."""
+    """The summary in one paragraph."""
     sentences = [*_sentences(robot, verdict, mismatch, findings, fit)]
     if unnamed and findings and verdict != "unexplained":
         sentences.append("Part of the mismatch has no name.")
@@ -48,12 +48,12 @@ def _sentences(
                     f"{', '.join(finding.ambiguous_with)} with these data."
                 )
     if verdict == "unexplained" and findings:
-        yield "What is named is not sufficient, or is doubtful; the rest of the mismatch has no name."
+        yield "The effects found are not sufficient, or are doubtful; the rest of the mismatch has no name."
     elif verdict == "unexplained":
         yield "The mismatch is real, and no effect of the catalogue explains it."
 
 
 def _title(effect_id: str) -> str:
-    """Name of an effect for people."""
+    """Title of an effect."""
     effect = catalogue().get(effect_id)
     return effect.title if effect else effect_id.replace("_", " ").capitalize()

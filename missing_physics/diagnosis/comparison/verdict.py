@@ -1,4 +1,4 @@
-"""The verdict, of what was named, what is left on held-out data and how others do there."""
+"""The verdict, from the findings and the held-out errors of the answer and of its rivals."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from missing_physics.results.result import Finding, Unnamed, Verdict
 
 __all__ = ["LARGER_PART", "Held", "Search", "decided", "energies"]
 
-#: Part that has to be gone before names that cannot be told apart, or have no standard model to be better
-#: than, count for more than a guess: what is named is then the larger part of it.
+#: Fraction of the mismatch energy that findings must explain to count as more than a guess if they cannot be
+#: distinguished from each other, or compared with a standard model.
 LARGER_PART = 0.5
 
 
 @dataclass(frozen=True)
 class Held:
-    """Errors of one channel on data that were not fitted: rms, in any one unit.
+    """rms errors of one channel on held-out data, all in the same unit.
 
-    `standard` is None where there is no standard model of the channel.
+    `standard` is None if there is no standard model of the channel.
     """
 
     nominal: float
@@ -32,14 +32,14 @@ class Held:
 
 @dataclass(frozen=True)
 class Search:
-    """What else the weighing of hypotheses says.
+    """Further results of the inference.
 
     Attributes:
-        verdict: before errors are compared; `consistent` and `not_enough_data` leave nothing to decide.
-        worse: whether the answer predicts worse than the standard model or the robot as described.
-        mixed: whether the standard model predicts some joints better than what was named there.
-        renumbered: whether only numbers of the robot file account for what is gone.
-        explained: part of the mismatch energy that is gone.
+        verdict: preliminary verdict; `consistent` and `not_enough_data` are final.
+        worse: whether the answer predicts worse than the standard model or the nominal robot.
+        mixed: whether the standard model predicts some joints better than the findings there.
+        renumbered: whether changed parameters of the robot file alone explain the mismatch.
+        explained: fraction of the mismatch energy that is explained.
     """
 
     verdict: Verdict
@@ -55,25 +55,25 @@ def decided(
     """The verdict.
 
     Args:
-        errors: of the channels that are compared.
-        findings: what was named and proven.
+        errors: of the compared channels.
+        findings: confirmed findings.
         unnamed: further structure that was found.
-        search: what else is known.
+        search: further results of the inference.
     """
     if search.verdict in ("consistent", "not_enough_data"):
         return search.verdict
     if not (findings or search.renumbered) or search.worse:
         return "unexplained"
-    whole = _at_noise(errors) or (_little(errors) and not unnamed)
+    complete = _at_noise(errors) or (_little_remains(errors) and not unnamed)
     if any(finding.ambiguous_with for finding in findings):
-        return "ambiguous" if whole or search.explained >= LARGER_PART else "unexplained"
-    if whole and not search.mixed:
+        return "ambiguous" if complete or search.explained >= LARGER_PART else "unexplained"
+    if complete and not search.mixed:
         return "explained"
-    return "partly_explained" if _better(errors, search.explained) else "unexplained"
+    return "partly_explained" if _beats_standard(errors, search.explained) else "unexplained"
 
 
 def energies(errors: Sequence[Held]) -> tuple[float, float]:
-    """Held-out energy beyond the noise before and after, in units of the noise."""
+    """Held-out error energy beyond the noise of nominal robot and answer, in units of the noise."""
     before, after = (
         sum(_beyond(rms, held.noise) for rms, held in zip(column, errors))
         for column in ([held.nominal for held in errors], [held.answer for held in errors])
@@ -82,7 +82,7 @@ def energies(errors: Sequence[Held]) -> tuple[float, float]:
 
 
 def _beyond(rms: float, noise: float) -> float:
-    """Energy beyond the noise, in units of it."""
+    """Error energy beyond the noise, in units of the noise."""
     return max((rms / max(noise, np.finfo(float).eps)) ** 2 - 1.0, 0.0)
 
 
@@ -90,8 +90,8 @@ def _at_noise(errors: Sequence[Held]) -> bool:
     return bool(errors) and all(held.answer <= AT_NOISE * held.noise for held in errors)
 
 
-def _little(errors: Sequence[Held]) -> bool:
-    """Whether every channel is at the noise, or little of its own mismatch is left."""
+def _little_remains(errors: Sequence[Held]) -> bool:
+    """Whether every channel is at the noise, or little of its mismatch remains."""
     return bool(errors) and all(
         held.answer <= AT_NOISE * held.noise
         or _beyond(held.answer, held.noise) <= LITTLE * _beyond(held.nominal, held.noise)
@@ -99,7 +99,7 @@ def _little(errors: Sequence[Held]) -> bool:
     )
 
 
-def _better(errors: Sequence[Held], explained: float) -> bool:
+def _beats_standard(errors: Sequence[Held], explained: float) -> bool:
     """Whether the answer beats the standard model; without one, whether it explains the larger part."""
     rivals = [(held.answer, held.standard, held.noise) for held in errors if held.standard is not None]
     if not rivals:

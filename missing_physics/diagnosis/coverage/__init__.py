@@ -1,4 +1,4 @@
-"""What recordings cover: which joints can be judged, and why others cannot. The commands share it."""
+"""Coverage of the recordings: which joints can be judged, and why others cannot. Shared by the commands."""
 
 from missing_physics.diagnosis.coverage.joints import (
     FEWEST_ROWS,

@@ -1,9 +1,9 @@
-"""Channels that contradict the robot's dynamics, reported before any physics is blamed.
+"""Channels that contradict the robot's dynamics, reported before missing physics is considered.
 
-Torques are weighed in `coverage/torque_channels.py`. Where they fail, another reason is weighed as well: a
-position that was recorded wrongly, which changes what every joint needs. A gyro on a free base of rigid
-links is held against how the joints' motion turns the base. What the channels say of each other without a
-robot is a matter of `recordings`.
+Torques are tested in `coverage/torque_channels.py`. If some fail, wrongly recorded positions are tested as an
+alternative; these change the torque that every joint needs. A gyro on a free base of rigid links is compared
+with the rotation of the base due to the joints' motion. Contradictions between channels that need no robot
+are found in `recordings`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from missing_physics.diagnosis.coverage.evidence import FEWEST_SURE
 from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.coverage.needs import Needs
 from missing_physics.diagnosis.coverage.torque_channels import (
-    BELIEVED,
     DECISIVE,
     FAILS,
     HOLDS,
     NEAR,
     NEARER,
-    believed,
+    PLAUSIBLE,
     log_of,
     torque_findings,
+    unexplained,
 )
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.dynamics.recorded import make_dynamics
@@ -44,10 +44,10 @@ __all__ = ["ContradictionError", "contradictions", "require_no_contradiction"]
 
 Array = NDArray[np.float64]
 
-#: Other motions are tried where a torque as it is named leaves this part, which few effects do.
+#: Corrected positions are tested if the unexplained fraction of a torque exceeds this, which is rare.
 SUSPICIOUS = 0.3
-#: Another motion must explain all torques better than corrected torques do, by this in the logarithm of what
-#: they leave.
+#: Corrected positions must explain all torques better than corrected torques do, by this difference in the
+#: logarithm of the unexplained fraction.
 BETTER = math.log(3.0)
 
 
@@ -55,8 +55,8 @@ class ContradictionError(InputError):
     """Channels contradict each other or the robot's dynamics.
 
     Attributes:
-        recording: in which.
-        findings: what was seen, one for each channel.
+        recording: the recording.
+        findings: one for each contradictory channel.
     """
 
     def __init__(
@@ -83,8 +83,8 @@ def require_no_contradiction(
     Args:
         robot: the nominal robot.
         recordings: as read.
-        along: its dynamics along each.
-        cutoff: with which they were made [Hz].
+        along: its dynamics along each recording.
+        cutoff: of the filter used for them [Hz].
     """
     for recording, dynamics in zip(recordings, along):
         findings = contradictions(robot, recording, dynamics, cutoff=cutoff)
@@ -95,21 +95,21 @@ def require_no_contradiction(
 def contradictions(
     robot: Robot, recording: Recording, dynamics: MotionDynamics, *, cutoff: float | None = None
 ) -> tuple[Finding, ...]:
-    """What cannot be as it is named, whatever physics the robot file lacks.
+    """Channels that cannot be what their names state, whatever physics the robot file lacks.
 
     Args:
         robot: the nominal robot.
         recording: as read.
-        dynamics: of the nominal robot along it.
-        cutoff: with which it was made [Hz].
+        dynamics: of the nominal robot along the recording.
+        cutoff: of the filter used for it [Hz].
     """
     needs = Needs.of(dynamics)
     if len(needs.measured) < FEWEST_ROWS:
-        return ()  # hardly more than there are numbers to weigh them by
+        return ()  # hardly more rows than parameters
     channels = [actuator_torque(robot, recording, joint.name)[0] for joint in robot.moving_joints]
     torques = torque_findings(robot, needs, channels)
     moved = _moved(robot, dynamics)
-    suspicious = [k for k in needs.known if moved[k] and believed(needs, k) > SUSPICIOUS]
+    suspicious = [k for k in needs.known if moved[k] and unexplained(needs, k) > SUSPICIOUS]
 
     motion = dynamics.motion
     thinned, band = recording, cutoff
@@ -117,24 +117,24 @@ def contradictions(
         band = min(motion.low_pass.cutoff, motion_band(robot, recording))
         thinned = decimated(recording, int(motion.low_pass.rate / (DENSE * WIDER * band)))
 
-    def again(corrections: Sequence[Correction]) -> Needs:
+    def recomputed(corrections: Sequence[Correction]) -> Needs:
         return Needs.of(make_dynamics(robot, [corrected(thinned, corrections)], cutoff=band)[0])
 
-    if band != cutoff:  # as it is, by the same samples in the same band
-        needs = again(())
-        suspicious = [k for k in suspicious if believed(needs, k) > SUSPICIOUS]
+    if band != cutoff:  # recompute the uncorrected case with the same samples in the same band
+        needs = recomputed(())
+        suspicious = [k for k in suspicious if unexplained(needs, k) > SUSPICIOUS]
 
-    if suspicious and not _settled(robot, needs, torques):
-        wrong = _motion(robot, motion.position_channels, again, needs, torques, suspicious)
+    if suspicious and not _torques_are_settled(robot, needs, torques):
+        wrong = _motion(robot, motion.position_channels, recomputed, needs, torques, suspicious)
         if wrong is not None:
             return (wrong,)
     return tuple(_runaways(robot, dynamics)) or (*torques, *_gyro(dynamics))
 
 
 def _moved(robot: Robot, dynamics: MotionDynamics) -> NDArray[np.bool_]:
-    """Which moving joints are not held, shape (n,); revolute and prismatic ones each among themselves.
+    """Mask of the moving joints that are not held, shape (n,), compared within each kind of joint.
 
-    How the position of a joint that is held was recorded is hardly seen in any torque.
+    An error in the position of a held joint hardly affects any torque.
     """
     top = np.abs(dynamics.motion.velocity).max(axis=0)
     kinds = prismatic(robot)
@@ -143,10 +143,9 @@ def _moved(robot: Robot, dynamics: MotionDynamics) -> NDArray[np.bool_]:
 
 
 def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
-    """Joints that were out of control: a torque at its limit against the motion is right then.
+    """Joints that were out of control: a torque at its limit against the motion is then plausible.
 
-    They were faster than their limit by more than gains may make, and so for as long as is needed to judge a
-    joint: a stray position is another matter.
+    Their speed exceeds the limit by more than a wrong gain could explain, in more than a few samples.
     """
     motion = dynamics.motion
     for k, joint in enumerate(robot.moving_joints):
@@ -154,7 +153,7 @@ def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
             continue
         speed = np.sort(np.abs(motion.velocity[motion.kept, k]))
         top = float(speed[-FEWEST_SURE])
-        if top > BELIEVED[1] * joint.velocity_limit:
+        if top > PLAUSIBLE[1] * joint.velocity_limit:
             channel = motion.position_channels[k]
             unit = "m/s" if joint.kind == "prismatic" else "rad/s"
             yield Finding(
@@ -163,25 +162,25 @@ def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
                 channel,
                 f"{joint.name} moves with {top:.3g} {unit}, {top / joint.velocity_limit:.2g} times its "
                 f"velocity_limit of {joint.velocity_limit:g} in the robot file: {channel} has another unit, "
-                "or the limit is wrong, or the robot was out of control (cut that off with a window in "
+                "or the limit is wrong, or the robot was out of control (exclude that part with a window in "
                 "a mapping file)",
                 {"speed": top, "limit": joint.velocity_limit},
             )
 
 
-def _settled(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> bool:
-    """Whether corrected torques leave next to nothing, and no factor of theirs could be that of degrees."""
+def _torques_are_settled(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> bool:
+    """Whether corrected torques are explained, and no correction factor is near that of degrees."""
     near = (
         abs(math.log(math.radians(abs(correction.scale)))) < math.log(2.0)
         for f in torques
         for correction in f.corrections
     )
-    return not any(near) and all(left < FAILS for left in _left_of_torques(robot, needs, torques))
+    return not any(near) and all(left < FAILS for left in _unexplained_torques(robot, needs, torques))
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """One way to correct the motion: the channels, and what they are."""
+    """One way to correct the motion: corrections of channels, and their description."""
 
     corrections: tuple[Correction, ...]
     words: str
@@ -190,18 +189,18 @@ class _Trial:
 def _motion(
     robot: Robot,
     channels: Sequence[str],
-    again: Callable[[Sequence[Correction]], Needs],
+    recomputed: Callable[[Sequence[Correction]], Needs],
     needs: Needs,
     torques: Sequence[Finding],
     suspicious: Sequence[int],
 ) -> Finding | None:
-    """A motion recorded otherwise than named that makes the torques right, each of which fails as it is."""
-    best, best_cost = None, sum(map(log_of, _left_of_torques(robot, needs, torques))) - BETTER
+    """The best correction of positions that explains all torques, if one is decisive."""
+    best, best_cost = None, sum(map(log_of, _unexplained_torques(robot, needs, torques))) - BETTER
     for trial in _trials(robot, channels, suspicious):
-        moved = again(trial.corrections)
+        moved = recomputed(trial.corrections)
         left = {k: moved.left(k, NEAR) for k in suspicious}
-        failed = any(part > HOLDS or part * DECISIVE > believed(needs, k) for k, part in left.items())
-        if failed or any(believed(moved, k) > SUSPICIOUS for k in needs.known):
+        failed = any(part > HOLDS or part * DECISIVE > unexplained(needs, k) for k, part in left.items())
+        if failed or any(unexplained(moved, k) > SUSPICIOUS for k in needs.known):
             continue
         cost = sum(log_of(moved.left(k, NEARER)) for k in needs.known)
         if cost < best_cost:
@@ -209,13 +208,13 @@ def _motion(
     if best is None:
         return None
     trial, left = best
-    worst = max(suspicious, key=lambda k: believed(needs, k))
+    worst = max(suspicious, key=lambda k: unexplained(needs, k))
     name = robot.moving_joints[worst].name
     return Finding(
         "error",
         "motion",
         trial.corrections[0].channel,
-        f"{trial.words}: as it is, {percent(min(believed(needs, worst), 1.0))} of the torque of "
+        f"{trial.words}: as it is, {percent(min(unexplained(needs, worst), 1.0))} of the torque of "
         f"{name} stays unexplained whatever friction, gain or payload there is, and corrected "
         f"{percent(left[worst])}",
         {"left": left[worst]},
@@ -223,8 +222,8 @@ def _motion(
     )
 
 
-def _left_of_torques(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> Iterator[float]:
-    """What each known torque leaves, corrected where it can be."""
+def _unexplained_torques(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> Iterator[float]:
+    """Unexplained fraction of each known torque, corrected where possible."""
     corrections = {
         correction.channel.split(".")[0]: correction
         for finding in torques
@@ -234,7 +233,7 @@ def _left_of_torques(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> 
     for k in needs.known:
         correction = corrections.get(names[k])
         if correction is None:
-            yield believed(needs, k)
+            yield unexplained(needs, k)
             continue
         factor = abs(correction.scale)
         limits = NEARER[0] / factor, NEARER[1] / factor
@@ -264,23 +263,23 @@ def _and(names: Sequence[str]) -> str:
 
 
 def _gyro(dynamics: MotionDynamics) -> Iterator[Finding]:
-    """Unit and signs of a gyro of three axes, against how the joints' motion turns the base."""
+    """Wrong unit or signs of a three-axis gyro, compared with the base rotation due to the joints' motion."""
     if len(dynamics.further) < 3:
         return
     keep, others = dynamics.motion.low_pass.reduce, dynamics.motion.others
     read = keep(np.column_stack([others[channel] for channel in dynamics.further]))
     turn = keep(dynamics.base_rates)
     read, turn = read - read.mean(axis=0), turn - turn.mean(axis=0)
-    native = _gain_left(turn, read, BELIEVED)
+    native = _unexplained_by_gain(turn, read, PLAUSIBLE)
     power = (turn**2).sum(axis=0)
     if not power.any() or native * 0.999 < HOLDS:
         return
-    active = 4.0 * power > HOLDS * power.sum()  # what is left with an axis reversed
+    active = 4.0 * power > HOLDS * power.sum()  # residual energy with a reversed axis
     trials = []
     for unit, words in ((1.0, ""), (math.radians(1.0), "is in degrees per second")):
         for signs in _signs(active):
             if unit != 1.0 or (signs < 0).any():
-                trials.append((_gain_left(turn, unit * signs * read, NEAR), unit, signs, words))
+                trials.append((_unexplained_by_gain(turn, unit * signs * read, NEAR), unit, signs, words))
     left, unit, signs, words = min(trials, key=lambda trial: trial[0])
     if left > HOLDS or left * DECISIVE > native:
         return
@@ -303,7 +302,7 @@ def _gyro(dynamics: MotionDynamics) -> Iterator[Finding]:
 
 
 def _signs(active: NDArray[np.bool_]) -> Iterator[Array]:
-    """All signs of the axes that turn; those that do not go with the majority."""
+    """All sign combinations of the active axes; the other axes are reversed only if all active ones are."""
     for pattern in range(2 ** int(active.sum())):
         signs = np.ones(active.size)
         signs[active] = [-1.0 if pattern >> bit & 1 else 1.0 for bit in range(int(active.sum()))]
@@ -312,7 +311,7 @@ def _signs(active: NDArray[np.bool_]) -> Iterator[Array]:
         yield signs
 
 
-def _gain_left(turn: Array, read: Array, gains: tuple[float, float]) -> float:
-    """Part of what was read that the best gain times `turn` leaves."""
+def _unexplained_by_gain(turn: Array, read: Array, gains: tuple[float, float]) -> float:
+    """Fraction of the energy of `read` left by the best gain times `turn`."""
     gain = float(np.clip((turn * read).sum() / (turn * turn).sum(), *gains))
     return float(((read - gain * turn) ** 2).sum() / max(float((read**2).sum()), 1e-300))

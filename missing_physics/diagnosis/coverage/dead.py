@@ -1,4 +1,4 @@
-"""Torques that are constant although the motion takes a drive: dead channels, which say nothing."""
+"""Dead channels: torques that are constant although the motion needs a drive."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ __all__ = ["dead_channels", "without_dead"]
 def dead_channels(
     robot: Robot, recordings: Sequence[Recording], dynamics: Sequence[MotionDynamics]
 ) -> dict[str, str]:
-    """Channels that cannot have driven the motion, with what is wrong with them, as a clause.
+    """Channels that cannot have driven the motion, with the reason as a clause.
 
     Args:
         robot: the nominal robot.
         recordings: as read.
-        dynamics: of the nominal robot along each.
+        dynamics: of the nominal robot along each recording.
     """
     found: dict[str, str] = {}
     for recording, along in zip(recordings, dynamics):
@@ -34,8 +34,8 @@ def dead_channels(
                 constant[k] = channel
         needs = Needs.of(along) if constant else None
         for k, channel in constant.items():
-            # A drive made the motion where friction, springs and gravity leave more of the torque that it
-            # takes than they make. A joint that swings freely leaves next to nothing.
+            # A drive caused the motion if friction, springs and gravity explain less than half of the torque
+            # that it needs. They explain nearly all of it at a joint that swings freely.
             if needs is not None and needs.undriven(k) > 1.0 - needs.undriven(k):
                 value = float(np.nanmax(recording[channel]))
                 found[channel] = (
@@ -46,7 +46,7 @@ def dead_channels(
 
 
 def without_dead(recordings: Sequence[Recording], dead: Mapping[str, str]) -> tuple[Recording, ...]:
-    """The recordings without these channels."""
+    """The recordings without the dead channels."""
     return tuple(
         replace(one, channels={name: y for name, y in one.channels.items() if name not in dead})
         for one in recordings

@@ -1,4 +1,4 @@
-"""What recordings show of each joint: whether it moves, for how long surely, and against which noise."""
+"""Evidence on each joint in the recordings: whether it moves, for how long, and the noise."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ __all__ = ["FEWEST_SURE", "JointEvidence", "evidence"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: A joint moves when its travel and its speed exceed their noise by this factor.
+#: A joint moves if its travel and its speed exceed their noise by this factor.
 MOVES = 10.0
-#: Rows of sure direction of which anything can be said [-]: those of five periods of the cut-off.
+#: Least number of rows with certain direction to judge a joint [-]: five periods of the cut-off.
 FEWEST_SURE = 20
 
 
@@ -36,13 +36,13 @@ class JointEvidence:
     Attributes:
         name: of the joint.
         moves: whether it moves beyond the noise of its position.
-        both_ways: whether it moves in both directions in what is fitted.
-        rows_fitted: independent samples that are fitted.
-        sure_fitted, sure_held_out: samples in which the joint surely moves in one direction.
-        validated: whether recordings of their own are held out.
-        recorded: rms of the torque that was recorded [`unit`].
-        needed: rms of what the nominal robot needs for the motion, without effects [`unit`].
-        noise: rms that the torque's noise leaves after the filter [`unit`].
+        both_ways: whether it moves in both directions in the fitted data.
+        rows_fitted: number of independent samples that are fitted.
+        sure_fitted, sure_held_out: number of samples in which the direction of motion is certain.
+        validated: whether separate recordings are held out.
+        recorded: rms of the recorded torque [`unit`].
+        needed: rms torque that the nominal robot without effects needs for the motion [`unit`].
+        noise: rms of the torque's noise after the filter [`unit`].
         described: whether the robot file has effects at the joint.
         unit: of its torque.
     """
@@ -64,19 +64,19 @@ class JointEvidence:
 def evidence(
     robot: Robot, recordings: Sequence[Recording], dynamics: Sequence[MotionDynamics], *, fitted: int
 ) -> tuple[JointEvidence, ...]:
-    """What the recordings show of each moving joint.
+    """Evidence on each moving joint in the recordings.
 
     Args:
         robot: the nominal robot.
-        recordings: those that are fitted first.
-        dynamics: along each.
-        fitted: number of them; without others, a part of these is held out.
+        recordings: the fitted ones first.
+        dynamics: along each recording.
+        fitted: number of fitted recordings; without others, a quarter of each is held out.
     """
-    own, others = dynamics[:fitted], dynamics[fitted:]
+    own, validation = dynamics[:fitted], dynamics[fitted:]
     moves = [_moves(one, along.motion) for one, along in zip(recordings, dynamics)]
-    sure = [_sure(along.motion) & there for along, there in zip(dynamics, moves)]
+    sure = [_sure(along.motion) & in_motion for along, in_motion in zip(dynamics, moves)]
     held = [np.zeros(len(rows), dtype=bool) for rows in sure[:fitted]]
-    if not others:
+    if not validation:
         held = [_held_out(along.motion) for along in own]
     held += [np.ones(len(rows), dtype=bool) for rows in sure[fitted:]]
     levels = [_levels(along) for along in own]
@@ -86,12 +86,12 @@ def evidence(
         found.append(
             JointEvidence(
                 name=joint.name,
-                moves=any(there[k] for there in moves[:fitted]),
+                moves=any(in_motion[k] for in_motion in moves[:fitted]),
                 both_ways=len(set().union(*(_directions(along.motion, k) for along in own))) > 1,
                 rows_fitted=sum(int(np.count_nonzero(~out)) for out in held[:fitted]),
                 sure_fitted=sum(int(rows[~out, k].sum()) for rows, out in zip(sure[:fitted], held)),
                 sure_held_out=sum(int(rows[out, k].sum()) for rows, out in zip(sure, held)),
-                validated=bool(others),
+                validated=bool(validation),
                 recorded=float(recorded[k]),
                 needed=float(needed[k]),
                 noise=float(noise[k]),
@@ -103,16 +103,16 @@ def evidence(
 
 
 def _held_out(motion: Motion) -> Flags:
-    """Which rows of a recording are held out where there are no validation recordings, shape (R,)."""
+    """Mask of the rows of a recording that are held out without validation recordings, shape (R,)."""
     time = motion.reduced_time
     windows = held_out_windows(time)
     return np.any([(time >= first) & (time <= last) for first, last in windows], axis=0)
 
 
 def _sure(motion: Motion) -> Flags:
-    """Rows in which each joint surely moves in one direction, (R, n): it stands still nowhere near them.
+    """Mask of the rows in which the direction of each joint is certain, (R, n): it is not at rest nearby.
 
-    Near is what the smoother of the motion remembers: half a period of its cut-off.
+    Nearby means within the memory of the motion's smoother: half a period of its cut-off.
     """
     speed, memory = np.abs(motion.velocity), 0.5 / motion.motion_cutoff
     still = speed <= np.maximum(NEAR * motion.velocity_noise, SLOWEST * speed.max(axis=0))
@@ -121,7 +121,7 @@ def _sure(motion: Motion) -> Flags:
 
 
 def _moves(recording: Recording, motion: Motion) -> Flags:
-    """Which joints move beyond the noise of their positions, and beyond their steps, shape (n,)."""
+    """Mask of the joints that move beyond the noise and the resolution of their positions, shape (n,)."""
     travel, speed = np.ptp(motion.position, axis=0), np.abs(motion.velocity).max(axis=0)
     clear = (travel > MOVES * motion.position_noise) & (speed > MOVES * motion.velocity_noise)
     channels = (recording.channels.get(name) for name in motion.position_channels)
@@ -129,7 +129,7 @@ def _moves(recording: Recording, motion: Motion) -> Flags:
 
 
 def _directions(motion: Motion, index: int) -> set[float]:
-    """Signs of the velocities that are more than a standstill."""
+    """Signs of the velocities that exceed a standstill."""
     velocity = motion.velocity[motion.kept, index]
     moving = velocity[np.abs(velocity) > STANDSTILL * np.abs(velocity).max(initial=0.0)]
     return set(np.sign(moving).tolist())

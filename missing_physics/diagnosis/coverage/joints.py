@@ -1,4 +1,4 @@
-"""Step 1 of the chain: what the data can carry at all, said before anything is fitted."""
+"""Step 1 of the chain: what the data can support at all, decided before anything is fitted."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ __all__ = [
     "require_same_torques",
 ]
 
-#: Fewest rows after decimation: ten periods of the cut-off, in which a body's ten numbers can show.
+#: Fewest rows after decimation: ten periods of the cut-off, enough to identify a body's ten parameters.
 FEWEST_ROWS = 40
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Why nothing can be judged of a joint.
+    """Why a joint cannot be judged.
 
     Attributes:
         kind: ``no_torque``, ``dead``, ``no_motion``, ``little_motion``, ``rests_held_out`` or ``all_noise``.
         lack: what is missing, as a clause.
-        left: what can be judged all the same, as a clause.
+        left: what can still be judged, as a clause.
         remedy: what the user can do, in the imperative.
     """
 
@@ -49,13 +49,13 @@ class Reason:
 
 @dataclass(frozen=True)
 class JointCoverage:
-    """What can be said of one joint.
+    """Coverage of one joint.
 
     Attributes:
         name: of the joint.
-        reason: why nothing can be judged of it; None where something can.
+        reason: why it cannot be judged; None if it can.
         one_way: whether it can be judged, but moves in one direction only.
-        sure: samples in which it surely moves in one direction, of what is fitted and of what is held out.
+        sure: number of fitted and of held-out samples in which the direction of motion is certain.
     """
 
     name: str
@@ -66,11 +66,11 @@ class JointCoverage:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What recordings cover.
+    """Coverage of the recordings.
 
     Attributes:
         joints: one for each moving joint.
-        general: sentences on the recordings as a whole, such as on a stretch that is not used.
+        general: sentences on the recordings, such as on a part that is not used.
         enough: whether any statement is possible.
     """
 
@@ -80,7 +80,7 @@ class Coverage:
 
     @property
     def not_judged(self) -> dict[Reason, tuple[str, ...]]:
-        """The joints of which nothing can be judged, by the reason."""
+        """The joints that cannot be judged, by reason."""
         found: dict[Reason, tuple[str, ...]] = {}
         for joint in self.joints:
             if joint.reason is not None:
@@ -94,7 +94,7 @@ class Coverage:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What cannot be judged and why; joints with one and the same reason stand together."""
+        """Sentences on what cannot be judged and why; joints with the same reason share one."""
         reasons = (reason_words(reason, names) for reason, names in self.not_judged.items())
         return (*self.general, *reasons, *([one_way_words(self.one_way)] if self.one_way else []))
 
@@ -109,8 +109,8 @@ def one_way_words(names: Sequence[str]) -> str:
     """The sentence on joints that move in one direction only."""
     moves = "moves" if len(names) == 1 else "move"
     return (
-        f"{_listed(names)} {moves} in one direction only, so friction and a torque offset could not be told "
-        "apart there."
+        f"{_listed(names)} {moves} in one direction only, so friction and a torque offset cannot be "
+        "distinguished there."
     )
 
 
@@ -121,11 +121,11 @@ def _listed(names: Sequence[str]) -> str:
 def require_same_torques(
     robot: Robot, recordings: Sequence[Recording], dynamics: Sequence[MotionDynamics]
 ) -> None:
-    """Raises `InputError` where a joint's torque is known in a part of the recordings only."""
+    """Raises `InputError` if a joint's torque is known in some of the recordings only."""
     for index, joint in enumerate(robot.moving_joints):
         known = [bool(np.isfinite(along.motion.torque[:, index]).all()) for along in dynamics]
         if any(known) and not all(known):
-            lacks, has = (recordings[known.index(there)].source for there in (False, True))
+            lacks, has = (recordings[known.index(recorded)].source for recorded in (False, True))
             raise InputError(
                 f"{lacks or 'a recording'} has no torque of {joint.name}, nor current or voltage that give "
                 f"it, but {has or 'another one'} has; add the channel there, or leave the recording out."
@@ -144,10 +144,10 @@ def coverage(
 
     Args:
         robot: the nominal robot.
-        recordings: all of them, those that are fitted first.
-        dynamics: along each.
-        fitted: number of recordings that are fitted; without others, a part of these is held out.
-        dead: channels that were left out of them, with what is wrong with them.
+        recordings: all recordings, the fitted ones first.
+        dynamics: along each recording.
+        fitted: number of fitted recordings; without others, a quarter of each is held out.
+        dead: channels that were removed from the recordings, with the reason.
     """
     general = [
         f"{one.source or 'the recording'}: {words}."
@@ -180,7 +180,7 @@ def _covered(
 def _reasons(
     robot: Robot, recordings: Sequence[Recording], one: JointEvidence, dead: Mapping[str, str]
 ) -> Iterator[Reason]:
-    """What keeps a joint from being judged, the most basic first."""
+    """Reasons why a joint cannot be judged, the most basic first."""
     for recording in recordings:
         lack = torque_lack(robot, recording, one.name)
         if lack is None:
@@ -202,12 +202,17 @@ def _reasons(
     elif not one.sure_held_out:
         yield Reason(
             "rests_held_out",
-            "no certain motion in the data that are held out, which have to confirm what is found",
+            "no certain motion in the held-out data, which must confirm the findings",
             remedy="give a recording with --validate in which the joint moves"
             if one.validated
             else "move throughout the recording, or give a second one with --validate",
         )
-    if one.noise > 0 and not one.described and one.recorded <= FLOOR_TOLERANCE * one.noise and not _seen(one):
+    if (
+        one.noise > 0
+        and not one.described
+        and one.recorded <= FLOOR_TOLERANCE * one.noise
+        and not _would_show(one)
+    ):
         yield Reason(
             "all_noise",
             f"neither the recorded torque ({one.recorded:.2g} {one.unit} rms) nor the torque that the motion "
@@ -216,16 +221,16 @@ def _reasons(
         )
 
 
-def _seen(one: JointEvidence) -> bool:
-    """Whether it would show in the recorded torque if the joint did not need what the robot file says.
+def _would_show(one: JointEvidence) -> bool:
+    """Whether the recorded torque would reveal that the joint does not need what the robot file predicts.
 
-    It does where the gain of log score is more than the odds against an effect.
+    It would if the gain in log score exceeds the odds against an effect.
     """
     return 0.5 * one.rows_fitted * (one.needed / one.noise) ** 2 > ODDS
 
 
 def _still(recording: Recording, joint: str) -> str:
-    """What can be judged of a joint whose torque is not known."""
+    """What can still be judged of a joint whose torque is not known."""
     if {f"{joint}.position", f"{joint}.motor_position"} <= set(recording):
         return "only the gear between motor and joint can be judged there"
     return "nothing there can be judged"

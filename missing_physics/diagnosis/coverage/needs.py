@@ -1,15 +1,15 @@
-"""What a motion needs of its actuators, as coarsely as a comparison across wrong units and signs allows.
+"""Torque that a motion needs, modelled coarsely enough to detect wrong units and signs.
 
-Every joint's recorded torque u is held against a model so generous that hardly any physics breaks it:
+Every joint's recorded torque u is compared with a model so flexible that it covers nearly any physics:
 
     u = k dynamic + f1 qd + f2 sgn(qd) + f3 sgn(qd) exp(-(qd/v)^2) + K q + free,
 
-with u the part that the recorded channel makes (of a voltage without the back-EMF, which the motion makes and
-f1 holds), `dynamic` the nominal robot's torque without gravity; k a scale between one tenth and ten (gains of
-sensors and actuators up to the catalogue's limits, other masses); friction that takes power and a spring that
-pulls back (f1, f2, f3, K not negative, of any size); and freely a constant and gravity in any direction.
-Where that leaves nearly everything unexplained, the channel is no measurement of this joint's torque; but for
-a joint that its drive holds while others move it. It gives way to them, and its torque pulls back:
+with u the part due to the recorded channel (for a voltage without the back-EMF, which is proportional to the
+velocity and contained in f1); `dynamic` the nominal robot's torque without gravity; k a scale between one
+tenth and ten (gains of sensors and actuators up to the catalogue's limits, wrong masses); dissipative
+friction and a restoring spring (f1, f2, f3, K not negative); and free constant and gravity in any direction.
+If that leaves nearly everything unexplained, the channel does not measure this joint's torque. The exception
+is a joint held by its drive while others move. It yields to them, and its torque restores it:
 
     u = k dynamic - c q - d qd + free,
 
@@ -31,11 +31,11 @@ __all__ = ["Needs"]
 
 Array = NDArray[np.float64]
 
-#: Speed, as a part of the highest, over which friction may fall from its static level.
+#: Speed, as a fraction of the highest, over which friction may fall from its static level.
 STRIBECK = 0.1
-#: Rows that are looked at at most.
+#: Most rows that are used.
 MOST_ROWS = 4000
-#: Damping of a drive that holds a joint, as a part of its stiffness: the time within which it answers [s].
+#: Largest damping over stiffness of a drive that holds a joint: its response time [s].
 ANSWERS = 0.25
 
 
@@ -46,9 +46,9 @@ class Needs:
     Attributes:
         measured: recorded torque [N m or N], shape (R, n); NaN columns where unknown.
         dynamic: torque that the nominal robot needs without gravity, shape (R, n).
-        signed: per joint what only takes power or pulls back: friction and a spring, shape (R, n, 4).
-        free: per joint a constant and gravity along three axes, shape (R, n, 4).
-        held: per joint torques of a drive that holds it, without damping and with most, shape (R, n, 2).
+        signed: columns of each joint with non-negative factors: friction and a spring, shape (R, n, 4).
+        free: columns of each joint with free factors: a constant and gravity along three axes, (R, n, 4).
+        held: torques of a drive that holds each joint, without and with largest damping, shape (R, n, 2).
     """
 
     measured: Array
@@ -60,7 +60,7 @@ class Needs:
 
     @classmethod
     def of(cls, dynamics: MotionDynamics) -> Needs:
-        """What `dynamics.motion` needs and what its actuators gave."""
+        """The torques that `dynamics.motion` needs, and the recorded ones."""
         motion = dynamics.motion
         count, joints = motion.position.shape
         gravity, acting = np.zeros((count, joints, 3)), np.array(dynamics.model.robot.gravity)
@@ -74,28 +74,30 @@ class Needs:
         free = np.concatenate([np.ones((count, joints, 1)), gravity], axis=2)
         most = motion.position + ANSWERS * motion.velocity
         held = np.stack([-motion.position, -most], axis=2)
-        told = motion.torque if motion.drive is None else motion.drive
-        unknown = np.where(np.isfinite(told).all(axis=0), 1.0, np.nan)
+        torque = motion.torque if motion.drive is None else motion.drive
+        unknown = np.where(np.isfinite(torque).all(axis=0), 1.0, np.nan)
         kept = motion.low_pass.reduce
-        rows = [kept(part) for part in (np.nan_to_num(told), dynamic, signed, free, held)]
+        rows = [kept(part) for part in (np.nan_to_num(torque), dynamic, signed, free, held)]
         thin = slice(None, None, max(1, len(rows[0]) // MOST_ROWS))
         measured, dynamic, signed, free, held = (part[thin] for part in rows)
         return cls(measured * unknown, dynamic, signed, free, held)
 
     @property
     def known(self) -> tuple[int, ...]:
-        """Joints whose torques were recorded."""
+        """Indices of the joints whose torques were recorded."""
         return tuple(int(k) for k in np.flatnonzero(np.isfinite(self.measured).all(axis=0)))
 
     def left(
         self, joint: int, scale: tuple[float, float], *, of: int | None = None, sign: float = 1.0
     ) -> float:
-        """Part of the torque's energy that the model leaves, constant and gravity apart; may exceed one.
+        """Energy fraction of the torque that the model leaves unexplained, without constant and gravity.
+
+        It may exceed one.
 
         Args:
-            joint: whose needs are held against a torque.
-            scale: between which k may lie; not negative.
-            of: under which joint's name the torque was recorded; the joint itself when left out.
+            joint: the joint whose needs are compared.
+            scale: bounds of k, not negative.
+            of: the joint under whose name the torque was recorded; the joint itself when None.
             sign: of the recorded torque.
         """
         other = joint if of is None else of
@@ -103,37 +105,36 @@ class Needs:
         return _left(columns, sign * u, self.measured[:, other], scale)
 
     def left_if_held(self, joint: int, scale: tuple[float, float]) -> float:
-        """As `left`, of a joint that its drive holds against what others do to it.
+        """Like `left`, for a joint held by its drive while others move.
 
         Args:
-            joint: of the torque.
-            scale: between which k may lie; not negative.
+            joint: the joint.
+            scale: bounds of k, not negative.
         """
         return _left(*self._reduced("held", joint, joint), self.measured[:, joint], scale)
 
     def undriven(self, joint: int) -> float:
-        """Part of the energy of `dynamic` that no friction, spring, gravity or constant torque makes.
+        """Energy fraction of `dynamic` that friction, spring, gravity and a constant torque do not explain.
 
-        A motion with nothing else at its joint leaves little; one that a drive makes leaves much, but where
-        it is a single sine, which a spring could make as well.
+        It is small for a free motion and large for a driven one, except for a single sine, which a spring
+        could cause as well.
         """
         columns, _ = self._reduced("driven", joint, joint)
         return _left(columns[:, 1:], -columns[:, 0], self.dynamic[:, joint])
 
     def scale(self, joint: int, *, sign: float = 1.0) -> float:
-        """The k of best fit, not negative."""
+        """The best-fitting k, not negative."""
         columns, u = self._reduced("driven", joint, joint)
         return float(_fitted(columns, sign * u)[0])
 
     def _reduced(self, model: str, joint: int, of: int) -> tuple[Array, Array]:
-        """Columns of a model and a torque, with what is free projected out of both, shape (C, M) and (C,).
+        """Columns of a model and a torque, with the free columns projected out, shape (C, M) and (C,).
 
-        By an orthogonal transformation of the rows to as many as there are columns, which keeps every sum
-        of squares.
+        An orthogonal transformation reduces the rows to the number of columns and keeps all sums of squares.
 
         Args:
-            model: of a joint that is "driven" or "held".
-            joint: whose needs they are.
+            model: "driven" or "held".
+            joint: the joint whose needs are compared.
             of: the joint under whose name the torque was recorded.
         """
         key = model, joint, of
@@ -147,20 +148,19 @@ class Needs:
 
 
 def _left(columns: Array, u: Array, whole: Array, first: tuple[float, float] = (0.0, np.inf)) -> float:
-    """Part of the energy of a reduced series that columns leave, none of them negative; see `_fitted`.
+    """Energy fraction of a reduced series left by columns with non-negative factors (`_fitted`).
 
-    Nothing is left of a constant, as of a joint that nothing drives: of `whole`, before it was reduced, no
-    more than rounding.
+    Zero if the reduced series is only rounding of the series before reduction, `whole`, such as a constant.
     """
     energy = float(u @ u)
     if energy <= (np.finfo(float).eps * MOST_ROWS) ** 2 * float(whole @ whole):
         return 0.0
-    apart = u - columns @ _fitted(columns, u, first)
-    return float(apart @ apart) / energy
+    residual = u - columns @ _fitted(columns, u, first)
+    return float(residual @ residual) / energy
 
 
 def _fitted(columns: Array, u: Array, first: tuple[float, float] = (0.0, np.inf)) -> Array:
-    """Factors of columns by least squares, not negative, that of the first within its ends, shape (C,)."""
+    """Non-negative least-squares factors of columns, the first within its bounds, shape (C,)."""
     size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     bounds = np.array([first, *[(0.0, np.inf)] * (len(size) - 1)]).T
     bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
@@ -169,6 +169,6 @@ def _fitted(columns: Array, u: Array, first: tuple[float, float] = (0.0, np.inf)
 
 
 def _basis(columns: Array) -> Array:
-    """Orthonormal columns that span `columns`."""
+    """Orthonormal basis of the span of `columns`."""
     left, singular, _ = np.linalg.svd(columns / np.sqrt(len(columns)), full_matrices=False)
     return np.asarray(left[:, singular > 1e-9 * max(float(singular[0]), 1e-300)])

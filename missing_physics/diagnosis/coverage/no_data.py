@@ -1,4 +1,4 @@
-"""The answer where a recording cannot support any statement."""
+"""The answer if a recording cannot support any statement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings and motions as they are judged: dead channels left out, and what lies beyond a gap."""
+"""Recordings and motions as used: without dead channels, and without the part beyond a long gap."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["Prepared", "prepared"]
 
 @dataclass(frozen=True)
 class Prepared:
-    """What is judged.
+    """The prepared data.
 
     Attributes:
-        recordings: without dead channels, and without what is not used of them.
-        dynamics: of the nominal robot along each.
-        dead: channels that were left out, with what is wrong with them.
+        recordings: without dead channels and unused parts.
+        dynamics: of the nominal robot along each recording.
+        dead: channels that were removed, with the reason.
     """
 
     recordings: tuple[Recording, ...]
@@ -32,7 +32,7 @@ class Prepared:
 def prepared(
     robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None, as_recorded: bool = False
 ) -> Prepared:
-    """Estimate motion and nominal dynamics, and leave out what cannot be used.
+    """Estimate motion and nominal dynamics, and remove what cannot be used.
 
     Args:
         robot: the nominal robot.
@@ -53,7 +53,7 @@ def prepared(
 
 
 def _used(recording: Recording, motion: Motion) -> Recording:
-    """The stretch of a recording over which the motion was estimated; all of it where nothing is left out."""
+    """The part of a recording over which the motion was estimated."""
     if not motion.left_out:
         return recording
     half = 0.5 / motion.low_pass.rate

@@ -1,8 +1,8 @@
 """Torques that contradict the motion: wrong sign, unit, side of the gear or joint.
 
 Each way in which a channel may have been recorded or named wrongly is a model of the same recording (see
-`coverage/needs.py`). One is reported only if it is decisive: nothing physical explains the torques as they
-are named, and with the correction they are explained to a few percent.
+`coverage/needs.py`). One is reported only if it is decisive: no physics explains the torques as they are
+named, and with the correction they are explained to a few percent.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from missing_physics.recordings import Correction, Finding, percent
 from missing_physics.standard import MODEL_ERROR
 from robot_model import Joint, Robot
 
-__all__ = ["BELIEVED", "FAILS", "Suspect", "believed", "factors", "log_of", "torque_findings"]
+__all__ = ["FAILS", "PLAUSIBLE", "Suspect", "factors", "log_of", "torque_findings", "unexplained"]
 
-#: Scales of a torque that gains of sensors and actuators and other masses may make.
-BELIEVED = (0.1, 10.0)
-#: What a corrected torque must be of the robot's own, masses that are not known included; and that for
-#: distinguishing joints from each other.
+#: Plausible scales of a torque, due to gains of sensors and actuators and to wrong masses.
+PLAUSIBLE = (0.1, 10.0)
+#: Range of the ratio of a corrected torque to the nominal one, allowing for unknown masses; and the range to
+#: distinguish joints from each other.
 NEAR, NEARER = (0.4, 2.5), (0.7, 1.4)
-#: A corrected torque may leave this part of its energy unexplained, and the torque as it is named must leave
-#: so many times more.
+#: Largest unexplained energy fraction of a corrected torque, and least factor by which the uncorrected
+#: torque's must exceed it.
 HOLDS, DECISIVE = 0.1, 10.0
-#: Where a torque as it is named leaves less than this, it is left alone.
+#: A torque with a smaller unexplained energy fraction is accepted.
 FAILS = 0.05
 
 
@@ -38,9 +38,9 @@ class Suspect:
     """One way to correct the torque of one joint.
 
     Attributes:
-        left: part of the energy that stays unexplained with it.
-        scale: factor to what was recorded.
-        words: what the channel is, as the end of a sentence.
+        left: energy fraction that remains unexplained with it.
+        scale: factor on the recorded torque.
+        words: description of the error, as the end of a sentence.
     """
 
     left: float
@@ -49,7 +49,7 @@ class Suspect:
 
 
 def factors(joint: Joint, quantity: str) -> Iterator[tuple[float, str]]:
-    """Factors to the SI unit that are common mistakes, and what the channel is then."""
+    """Factors to the SI unit for common mistakes, and descriptions of these."""
     unit = "N" if joint.kind == "prismatic" else "N m"
     if quantity == "current":
         yield 1e-3, "is in mA"
@@ -72,70 +72,70 @@ def factors(joint: Joint, quantity: str) -> Iterator[tuple[float, str]]:
 
 
 def torque_findings(robot: Robot, needs: Needs, channels: Sequence[str | None]) -> tuple[Finding, ...]:
-    """Torques that are no measurement of what their names say.
+    """Torques that do not measure what their names state.
 
     Args:
         robot: the nominal robot.
         needs: of one recording.
-        channels: from which the torque of each moving joint was taken, shape (n,).
+        channels: source of the torque of each moving joint, shape (n,).
     """
-    failing = [k for k in needs.known if believed(needs, k) > FAILS]
+    failing = [k for k in needs.known if unexplained(needs, k) > FAILS]
     if not failing:
         return ()
-    alone = {k: _suspect(robot, needs, k, channels[k] or "") for k in failing}
-    exchanged = _exchanged(needs, failing, alone)
+    suspects = {k: _suspect(robot, needs, k, channels[k] or "") for k in failing}
+    exchanged = _exchanged(needs, failing, suspects)
     found = []
     for k, other in exchanged.items():
         found.append(_other_joint(robot, needs, channels, k, other))
-    for k, suspect in alone.items():
+    for k, suspect in suspects.items():
         if suspect is not None and k not in exchanged:
             found.append(_corrected(robot, needs, channels[k] or "", k, suspect))
     return tuple(found)
 
 
-def believed(needs: Needs, joint: int) -> float:
-    """Part of a torque's energy that nothing physical explains as it is named.
+def unexplained(needs: Needs, joint: int) -> float:
+    """Energy fraction of a torque that no physics explains.
 
-    That is neither a motion that the drive makes nor a hold against the motion of others.
+    Neither as the torque of a driven joint, nor as that of a drive holding its joint while others move.
     """
-    return min(needs.left(joint, BELIEVED), needs.left_if_held(joint, BELIEVED))
+    return min(needs.left(joint, PLAUSIBLE), needs.left_if_held(joint, PLAUSIBLE))
 
 
 def log_of(left: float) -> float:
-    """Logarithm of a part that is left of a torque's energy, no less than any model leaves."""
+    """Logarithm of an unexplained energy fraction, at least that of the error of any model."""
     return math.log(max(left, MODEL_ERROR**2))
 
 
 def _decisive(left: float, needs: Needs, joint: int) -> bool:
-    return left < HOLDS and left * DECISIVE < believed(needs, joint)
+    return left < HOLDS and left * DECISIVE < unexplained(needs, joint)
 
 
 def _suspect(robot: Robot, needs: Needs, joint: int, channel: str) -> Suspect | None:
-    """The correction of this channel alone that leaves least, if it is decisive."""
+    """The best correction of this channel alone, if it is decisive."""
     tried = []
     for factor, words in [(1.0, ""), *factors(robot.moving_joints[joint], channel.split(".")[-1])]:
         for sign in (1.0, -1.0):
             scale = sign * factor
-            if sign > 0 and BELIEVED[0] <= 1.0 / factor <= BELIEVED[1]:
+            if sign > 0 and PLAUSIBLE[0] <= 1.0 / factor <= PLAUSIBLE[1]:
                 continue
             limits = NEAR[0] / factor, NEAR[1] / factor
             left = needs.left(joint, limits, sign=sign)
             k = factor * needs.scale(joint, sign=sign)
-            tried.append((left, abs(math.log(max(k, 1e-12))), scale, _said(sign, words)))
+            tried.append((left, abs(math.log(max(k, 1e-12))), scale, _description(sign, words)))
     left = min(item[0] for item in tried)
-    # Among those that explain it about alike, the one that leaves the robot's masses as they are.
+    # Among corrections that explain it about equally well, the one closest to the robot's masses.
     alike = [item for item in tried if item[0] <= 1.5 * left + 1e-6]
     best = min(alike, key=lambda item: item[1])
     return Suspect(best[0], best[2], best[3]) if _decisive(best[0], needs, joint) else None
 
 
-def _said(sign: float, words: str) -> str:
+def _description(sign: float, words: str) -> str:
     against = "runs against the motion" if sign < 0 else ""
     return " and ".join(part for part in (against, words) if part)
 
 
-def _exchanged(needs: Needs, failing: Sequence[int], alone: dict[int, Suspect | None]) -> dict[int, int]:
-    """Joint to the joint under whose name its torque was recorded, where that explains them best."""
+def _exchanged(needs: Needs, failing: Sequence[int], suspects: dict[int, Suspect | None]) -> dict[int, int]:
+    """Joint to the joint under whose name its torque was recorded, if an exchange explains them best."""
     known = list(needs.known)
     left = np.array([[needs.left(a, NEARER, of=b) for b in known] for a in known])
     logs = np.vectorize(log_of)(left)
@@ -145,16 +145,16 @@ def _exchanged(needs: Needs, failing: Sequence[int], alone: dict[int, Suspect | 
         return {}
     if not all(_decisive(left[known.index(a), known.index(b)], needs, a) for a, b in moved.items()):
         return {}
-    together = sum(logs[known.index(a), known.index(b)] for a, b in moved.items())
-    single = 0.0
+    exchanged_cost = sum(logs[known.index(a), known.index(b)] for a, b in moved.items())
+    corrected_cost = 0.0
     for a in moved:
-        suspect = alone[a]
+        suspect = suspects[a]
         if suspect is None:
             return moved
         factor = abs(suspect.scale)
         own = needs.left(a, (NEARER[0] / factor, NEARER[1] / factor), sign=math.copysign(1.0, suspect.scale))
-        single += log_of(own)
-    return moved if together < single else {}
+        corrected_cost += log_of(own)
+    return moved if exchanged_cost < corrected_cost else {}
 
 
 def _other_joint(
@@ -168,7 +168,7 @@ def _other_joint(
         "exchanged",
         held,
         f"{held} is what {names[joint]} needs for its motion, and not {names[other]} (as named it leaves "
-        f"{percent(min(believed(needs, joint), 1.0))} of {own} unexplained, under the other name "
+        f"{percent(min(unexplained(needs, joint), 1.0))} of {own} unexplained, under the other name "
         f"{percent(share)})",
         {"left": share},
         (Correction(own, source=held),),
@@ -184,7 +184,7 @@ def _corrected(robot: Robot, needs: Needs, channel: str, joint: int, suspect: Su
         kind,
         channel,
         f"{channel} {suspect.words}, by the motion of {name} and the masses of the robot file: as it is, "
-        f"{percent(min(believed(needs, joint), 1.0))} of it stays unexplained whatever friction, gain or "
+        f"{percent(min(unexplained(needs, joint), 1.0))} of it stays unexplained whatever friction, gain or "
         f"payload there is, and corrected {percent(suspect.left)}{also}",
         {"left": suspect.left, "scale": suspect.scale},
         (Correction(channel, scale=suspect.scale),),

@@ -1,1 +1,1 @@
-"""Inverse dynamics along a recorded motion, and what further channels measure of it."""
+"""Inverse dynamics along a recorded motion, and predictions of gyros."""

@@ -1,9 +1,9 @@
 """Inverse dynamics of the nominal robot along a recorded motion.
 
-A free base moves as momentum conservation demands. Its six rows of the equations of motion hold no actuator
-force, so the base acceleration is eliminated: with Z the mass matrix, generalised forces r = [r_b; r_m] take
-the joint torques ``r_m - Z_mb Z_bb^-1 r_b`` (as in computed torque for a free-floating base). Where a gyro is
-recorded its rates are predicted as well. Flexible links move as the joints' motion makes them.
+A free base moves according to momentum conservation. Its six rows of the equations of motion contain no
+actuator force, so the base acceleration is eliminated: with Z the mass matrix, generalised forces
+r = [r_b; r_m] need the joint torques ``r_m - Z_mb Z_bb^-1 r_b`` (as in computed torque for a free-floating
+base). If a gyro is recorded its rates are predicted as well. Flexible links respond to the joints' motion.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ Array = NDArray[np.float64]
 
 
 class _Passive(TypedDict):
-    """Arguments of a model's functions besides the joints' motion."""
+    """Arguments of a model's functions in addition to the joints' motion."""
 
     base: BaseMotion | None
     inner: InnerMotion | None
 
 
 def joint_inertia(model: RobotModel, position: Array) -> Array:
-    """Inertia that each joint feels at `position` [kg m^2 or kg], shape (n,)."""
+    """Effective inertia of each joint at `position` [kg m^2 or kg], shape (n,)."""
     n = len(model.joints)
     at = np.repeat(position[None, :], n, axis=0)
     still = np.zeros_like(at)
@@ -49,7 +49,7 @@ class MotionDynamics:
     Attributes:
         model: the nominal robot.
         motion: of its joints.
-        further: gyro channels of a free base that are predicted besides the torques.
+        further: gyro channels of a free base that are predicted in addition to the torques.
     """
 
     def __init__(self, model: RobotModel, motion: Motion, further: Sequence[str] = ()) -> None:

@@ -16,22 +16,22 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["make_dynamics", "most_samples"]
 
-#: Samples of one recording times joints squared: about 3 GB.
+#: Most samples of one recording times joints squared: about 3 GB.
 MOST_SAMPLES = 3_000_000
 
 
 def most_samples(robot: Robot) -> int:
-    """Samples of one recording that a diagnosis of this robot takes."""
+    """Most samples of one recording that a diagnosis of this robot accepts."""
     return MOST_SAMPLES // max(len(robot.moving_joints), 1) ** 2
 
 
 def make_dynamics(
     robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
 ) -> tuple[MotionDynamics, ...]:
-    """Motion and nominal dynamics of each recording, all through one cut-off.
+    """Motion and nominal dynamics of each recording, all with the same cut-off.
 
     Raises:
-        InputError: the robot has coordinates that no channel of a joint states, or a recording has too many
+        InputError: the robot has coordinates that are not in joint channels, or a recording has too many
             samples or lacks a joint's position.
     """
     if robot.spherical_joints:
@@ -41,8 +41,8 @@ def make_dynamics(
         )
     if not robot.moving_joints:
         raise InputError(
-            f"robot '{robot.name}' has no moving joint, so that there is nothing to diagnose; give the "
-            "joint that moved another kind than 'fixed'."
+            f"robot '{robot.name}' has no moving joint, so there is nothing to diagnose; give the joint "
+            "that moved a kind other than 'fixed'."
         )
     for recording in recordings:
         _require_memory(robot, recording)
@@ -65,7 +65,7 @@ def make_dynamics(
 
 @lru_cache(maxsize=4)
 def _model(robot: Robot) -> RobotModel:
-    """One for all recordings of a robot, since code is generated for it."""
+    """Model of a robot, cached for all recordings, since code is generated for it."""
     return RobotModel(robot)
 
 

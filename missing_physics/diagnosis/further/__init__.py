@@ -1,1 +1,1 @@
-"""What sensors beside those of torque say: findings, errors, and how they join the diagnosis."""
+"""Sensors other than torque: findings, errors, and how they are merged into the diagnosis."""

@@ -1,4 +1,4 @@
-"""Errors and series of further sensors, from the residuals that hypotheses leave of each recording."""
+"""Errors and series of further sensors, from the residuals of hypotheses in each recording."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ class Channel:
 
 
 def beyond_noise(data: Data, every: Sequence[Array]) -> Iterator[tuple[int, float, float, float, float]]:
-    """Channels of which more is left than noise and the error of any model, largest share first.
+    """Channels whose residual exceeds noise and the error of any model, largest share first.
 
     Args:
         data: the rows.
         every: residual of each fitted recording, shape (K, m) each.
 
     Yields:
-        Number of the channel, rms that is left, level of the noise, share of the whitened energy of all
-        channels, and significance.
+        Number of the channel, rms residual, level of the noise, fraction of the whitened energy of all
+        channels, and p-value.
     """
     floor = np.maximum(np.hypot(data.noise, data.error), np.finfo(float).tiny)
-    parts = [_part(data, every, k, seen=True) for k in range(floor.size)]
+    parts = [_part(data, every, k, fitted=True) for k in range(floor.size)]
     rms = np.array([_rms(part) for part in parts])
     energy = (rms / floor) ** 2
     for k in np.argsort(-energy):
@@ -50,13 +50,13 @@ def beyond_noise(data: Data, every: Sequence[Array]) -> Iterator[tuple[int, floa
 
 def errors_of(data: Data, every: Sequence[Array], k: int) -> Errors:
     """rms of the residual of one channel in all recordings."""
-    return Errors(*(_rms(_part(data, every, k, seen=seen)) for seen in (True, False)))
+    return Errors(*(_rms(_part(data, every, k, fitted=fitted)) for fitted in (True, False)))
 
 
 def fits_of(
     data: Data, channels: Sequence[Channel], before: Sequence[Array], after: Sequence[Array]
 ) -> dict[str, ChannelFit]:
-    """Errors by channel, of each recording's residual without and with what was found."""
+    """Errors by channel, from each recording's residual without and with the findings."""
     return {
         one.name: ChannelFit(
             one.unit, errors_of(data, before, k), errors_of(data, after, k), float(data.noise[k])
@@ -78,9 +78,9 @@ def series_of(
     Args:
         data: the rows.
         channels: of them.
-        measured, before, after: what was measured of each recording, and its residual without and with
-            what was found, shape (K, m) each.
-        shown: the source of a recording, and what else is known of a channel in it (`ChannelSeries`).
+        measured, before, after: measured rows of each recording, and residuals without and with the
+            findings, shape (K, m) each.
+        shown: gives the further fields of `ChannelSeries` for a recording and a channel.
     """
     return tuple(
         ChannelSeries(
@@ -92,7 +92,7 @@ def series_of(
             measured=values[:, k],
             nominal=values[:, k] - before[i][:, k],
             augmented=values[:, k] - after[i][:, k],
-            held_out=~data.rows_seen(i),
+            held_out=~data.fitted_rows(i),
             noise_floor=float(data.noise[k]),
             **shown(i, k),
         )
@@ -101,10 +101,13 @@ def series_of(
     )
 
 
-def _part(data: Data, every: Sequence[Array], k: int, *, seen: bool) -> Array:
-    """What is left of a channel in rows that are fitted, or in the others that are compared."""
+def _part(data: Data, every: Sequence[Array], k: int, *, fitted: bool) -> Array:
+    """Residual of a channel in the fitted rows, or in the other compared rows."""
     return np.concatenate(
-        [left[data.counted(i)[:, k] & (data.rows_seen(i) == seen), k] for i, left in enumerate(every)]
+        [
+            residual[data.counted(i)[:, k] & (data.fitted_rows(i) == fitted), k]
+            for i, residual in enumerate(every)
+        ]
     )
 
 

@@ -1,4 +1,4 @@
-"""From weighed hypotheses on further sensors to findings."""
+"""Findings from the posterior over hypotheses on further sensors."""
 
 from __future__ import annotations
 
@@ -26,38 +26,38 @@ def _keys_of(terms: Sequence[Term]) -> frozenset[Key]:
     return frozenset(term.key for term in terms)
 
 
-def _numbers_of(key: Key, terms: Sequence[Term]) -> Numbers:
+def _parameters_of(key: Key, terms: Sequence[Term]) -> Numbers:
     return {p.name: (term, p) for term in terms if term.key == key for p in term.free}
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What terms state.
+    """How terms translate into findings.
 
     Attributes:
-        channels: numbers of those in which an effect shows.
-        keys_of: effects and places that terms state.
-        numbers_of: the term and the parameter that hold each number of a stated effect.
-        unit: of a parameter at a place.
+        channels: indices of the channels in which an effect is visible.
+        keys_of: effects and places that terms represent.
+        numbers_of: the term and its parameter for each parameter of a reported effect.
+        unit: unit of a parameter at a place.
     """
 
     channels: Callable[[Key], Sequence[int]]
     keys_of: Callable[[Sequence[Term]], frozenset[Key]] = _keys_of
-    numbers_of: Callable[[Key, Sequence[Term]], Numbers] = _numbers_of
+    parameters_of: Callable[[Key, Sequence[Term]], Numbers] = _parameters_of
     unit: Callable[[Key, Parameter], str] = lambda _, p: p.unit
 
     def of(self, fit: Fit) -> frozenset[Key]:
-        """Effects and places that a fit states."""
+        """Effects and places that a fit represents."""
         return self.keys_of(fit.hypothesis.terms)
 
 
 def findings_of(found: Search[Any], known: Posterior, reading: Reading) -> tuple[Finding, ...]:
-    """What the most probable hypothesis states, channel by channel, with its rivals in the others."""
+    """Findings of the most probable hypothesis, channel by channel, with rivals from other hypotheses."""
     return tuple(_findings(found, known, reading))
 
 
 def _findings(found: Search[Any], known: Posterior, reading: Reading) -> Iterator[Finding]:
-    right = adequacies(found.data, known.answer)
+    adequate = adequacies(found.data, known.answer)
     for key in sorted(reading.of(known.answer), key=lambda key: (list(reading.channels(key)), key)):
         held = [key in reading.of(fit) for fit in known.fits]
         chance, rivals = float(known.weights[held].sum()), _rivals(known, key, reading)
@@ -65,7 +65,7 @@ def _findings(found: Search[Any], known: Posterior, reading: Reading) -> Iterato
             yield Finding(
                 effect=key[0],
                 location=key[1],
-                probability=right(key[1]) * min(chance, 1.0),
+                probability=adequate(key[1]) * min(chance, 1.0),
                 parameters=_parameters(known, key, reading),
                 ambiguous_with=tuple(f"{effect}@{at}" for (effect, at), _ in rivals),
                 alternatives=tuple(
@@ -76,12 +76,12 @@ def _findings(found: Search[Any], known: Posterior, reading: Reading) -> Iterato
 
 
 def _rivals(known: Posterior, key: Key, reading: Reading) -> list[tuple[Key, float]]:
-    """Effects that hypotheses without one state instead, with their probabilities."""
+    """Effects that replace an effect in hypotheses without it, with their probabilities."""
     own, found = reading.of(known.answer), dict[Key, float]()
     for other, weight in zip(known.fits, known.weights):
         theirs = reading.of(other)
         if key not in theirs:
-            alone = len(own - theirs) == 1  # nothing else differs: all that is added are rivals
+            alone = len(own - theirs) == 1  # no other effect is missing: all added effects are rivals
             for rival in theirs - own:
                 if alone or rival[1].split(".")[0] == key[1].split(".")[0]:
                     found[rival] = found.get(rival, 0.0) + float(weight)
@@ -91,13 +91,13 @@ def _rivals(known: Posterior, key: Key, reading: Reading) -> list[tuple[Key, flo
 def _parameters(known: Posterior, key: Key, reading: Reading) -> dict[str, Estimate]:
     """Values of the most probable hypothesis; intervals cover those of others with the same effects.
 
-    These differ in the signals that drive the effects, or in the numbers of bodies that they estimate.
+    These hypotheses differ in the signals that drive the effects, or in which body parameters they estimate.
     """
     answer, found = known.answer, dict[str, Estimate]()
     for fit, weight in zip(known.fits, known.weights):
         if fit is not answer and (weight < RIVAL or reading.of(fit) != reading.of(answer)):
             continue
-        for name, (term, p) in reading.numbers_of(key, fit.hypothesis.terms).items():
+        for name, (term, p) in reading.parameters_of(key, fit.hypothesis.terms).items():
             value, half = term.parameters[name], 0.0
             if p in term.free:
                 half = QUANTILE * fit.deviation(f"{term.effect.id}@{term.at}.{name}")
@@ -113,12 +113,14 @@ def _parameters(known: Posterior, key: Key, reading: Reading) -> dict[str, Estim
 
 
 def _gain(found: Search[Any], fit: Fit, key: Key, reading: Reading) -> float:
-    """Part of the held-out error that an effect removes, compared with the same hypothesis without it."""
+    """Fraction of the held-out error that an effect removes, relative to the same hypothesis without it."""
     less = reading.of(fit) - {key}
     others = [one for one in found.made.values() if reading.of(one) == less]
     if not others:
         return 0.0
-    unseen = np.ix_(~found.data.seen, reading.channels(key))
-    errors = [one.errors[unseen] / fit.sigma[unseen[1]] ** 2 for one in (max(others, key=found.gain), fit)]
+    held_out = np.ix_(~found.data.fitted_blocks, reading.channels(key))
+    errors = [
+        one.errors[held_out] / fit.sigma[held_out[1]] ** 2 for one in (max(others, key=found.gain), fit)
+    ]
     before, after = (float(one.sum()) for one in errors)
     return 1.0 - float(np.sqrt(after / before)) if before > 0.0 else 0.0

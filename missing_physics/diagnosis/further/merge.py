@@ -1,4 +1,4 @@
-"""One diagnosis of two: of the joint torques, and of further sensors."""
+"""Merges the diagnosis of the joint torques with that of further sensors."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ __all__ = ["Further", "joined", "written_with"]
 
 @dataclass(frozen=True, kw_only=True)
 class Further:
-    """What further sensors say.
+    """Diagnosis of further sensors.
 
     Attributes:
-        mismatch: one for each channel in which rows exceed what noise makes of the robot file; shares are
-            parts of the whitened energy of all of them.
+        mismatch: one for each channel whose residual exceeds the noise; shares are fractions of the whitened
+            energy of all channels.
         findings: named causes.
         fit: errors by channel.
-        could_not_tell: sentences.
-        ladder: every cause that was weighed.
-        series: what was measured, and what the robot file makes of it without and with what was named.
+        could_not_tell: sentences on what could not be determined.
+        ladder: every cause that was tried.
+        series: measurements, and predictions without and with the findings.
     """
 
     mismatch: tuple[Mismatch, ...] = ()
@@ -48,20 +48,20 @@ class Further:
 
 
 def written_with(file: Robot, robot: Robot, uses: Sequence[EffectUse]) -> tuple[Robot, tuple[str, ...]]:
-    """A robot file with what was found besides, and what it cannot hold.
+    """A robot file with the findings of further sensors, and sentences on what it cannot hold.
 
     Args:
-        file: to which effects are added, but for those that it has.
-        robot: the nominal robot, whose sensors may err.
-        uses: what was found.
+        file: the file to which effects are added unless it has them.
+        robot: the nominal robot, which lists the sensors.
+        uses: the findings as effects.
     """
-    there = {(use.effect, use.at) for use in file.effects}
+    in_file = {(use.effect, use.at) for use in file.effects}
     lacks = [
         use
         for use in uses
         if isinstance(get_effect(use.effect), SensorEffect) and robot.sensor(use.at) is None
     ]
-    new = [use for use in uses if use not in lacks and (use.effect, use.at) not in there]
+    new = [use for use in uses if use not in lacks and (use.effect, use.at) not in in_file]
     return file.with_effects(*new), tuple(
         f"{use.effect} at {use.at}: not in the augmented robot file: the robot file lists no sensor of that "
         "channel."
@@ -72,14 +72,14 @@ def written_with(file: Robot, robot: Robot, uses: Sequence[EffectUse]) -> tuple[
 def joined(
     result: Result, more: Further, robot: Robot, uses: Sequence[EffectUse], *, first: bool = False
 ) -> Result:
-    """`result` with what further sensors say, which is added to its robot file as well.
+    """`result` merged with the diagnosis of further sensors, also in its robot file.
 
     Args:
         result: the diagnosis of the torques.
-        more: of the sensors; its findings take the place of the same ones of the torques.
+        more: the diagnosis of the sensors; its findings replace the same ones from the torques.
         robot: the nominal robot.
-        uses: its findings as effects.
-        first: whether it is stated before what the torques say.
+        uses: the findings of `more` as effects.
+        first: whether these findings precede those from the torques.
     """
     file, lacks = written_with(robot_from_toml(result.augmented_robot_toml), robot, uses)
     before = result.diagnosis
@@ -107,7 +107,7 @@ def joined(
 
 
 def _improvement(torques: Diagnosis, more: Further) -> float:
-    """How much the held-out error falls: of these sensors where names lie only there, else of torques."""
+    """Improvement of the held-out error: of these sensors if all findings are there, else of torques."""
     if torques.findings or not more.findings:
         return torques.fit.validation_improvement
     named = {finding.location.split(".")[0] for finding in more.findings}

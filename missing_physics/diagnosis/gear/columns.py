@@ -1,4 +1,4 @@
-"""What a term contributes to the gap, and its derivatives by the term's parameters."""
+"""Contribution of a term to the gap, and its derivatives by the term's parameters."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ __all__ = ["VELOCITY", "GapColumns"]
 
 Array = NDArray[np.float64]
 
-#: Name of the signal that drives play where no torque is recorded, so that friction is not known.
+#: Name of the signal that drives play if no torque is recorded and so friction is not known.
 VELOCITY = "velocity"
 
 
 class GapColumns:
-    """Columns of terms in the gaps, those of the terms used last cached.
+    """Columns of terms in the gaps; those of the terms used last are cached.
 
     Args:
         gaps: of each recording, channel by channel.
-        centred: whether a recording's own mean is left out.
+        centred: for each recording, whether its mean is removed.
     """
 
     def __init__(self, gaps: Sequence[Sequence[Gap]], centred: Sequence[bool]) -> None:
@@ -42,7 +42,7 @@ class GapColumns:
             self.acting(term, run)
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
-        """The gap in which a term acts, shape (1,), and its columns there, shape (K, 1, 1 + P)."""
+        """Index of the gap that a term affects, shape (1,), and its columns there, shape (K, 1, 1 + P)."""
         places = [
             k for k, gap in enumerate(self._gaps[run]) if term.at.split(".")[0] in (gap.joint, gap.link)
         ]
@@ -55,16 +55,16 @@ class GapColumns:
         return np.array(places[:1]), found
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
-        """Sum of what terms contribute to the gaps, shape (K, n)."""
+        """Sum of the contributions of terms to the gaps, shape (K, n)."""
         found = np.zeros((self._gaps[run][0].along.motion.reduced_time.size, len(self._gaps[run])))
         for term in terms:
-            acts, values = self.acting(term, run)
-            found[:, acts] += values[:, :, 0]
+            active, values = self.acting(term, run)
+            found[:, active] += values[:, :, 0]
         return found
 
 
 def _columns(term: Term, gap: Gap) -> Array:
-    """At full rate, shape (N, 1 + P)."""
+    """Columns at full rate, shape (N, 1 + P)."""
     effect, p = term.effect, term.parameters
     if isinstance(effect, SensorEffect):
         return _sensor(term, effect, gap)
@@ -81,11 +81,11 @@ def _columns(term: Term, gap: Gap) -> Array:
         turning = (1.0 - side**2) * drive / p["flight"] ** 2
         return np.column_stack([-p["half_width"] * side, -side, p["half_width"] * turning])
     assert effect is HYSTERESIS
-    return _lossy(term, gap)
+    return _hysteresis(term, gap)
 
 
 def _sensor(term: Term, effect: SensorEffect, gap: Gap) -> Array:
-    """An encoder's error, without approximation, and its derivatives to first order."""
+    """An encoder's exact error, and its derivatives to first order."""
     since, free = gap.time - gap.time[0], [p.name for p in term.free]
     read = effect.apply(since, gap.position, term.parameters)
     slopes = SensorAlong(effect).jacobian(since, gap.position, gap.velocity, term.parameters, free)
@@ -93,8 +93,8 @@ def _sensor(term: Term, effect: SensorEffect, gap: Gap) -> Array:
     return sign * np.column_stack([read - gap.position, slopes])
 
 
-def _lossy(term: Term, gap: Gap) -> Array:
-    """The gap is r z - T / K + D dT/dt c^2, to first order in D.
+def _hysteresis(term: Term, gap: Gap) -> Array:
+    """Columns of gear hysteresis: the gap is r z - T / K + D dT/dt c^2, to first order in D.
 
     With r = T_h / K, the state z of size K travel and height T_h, and c = de/dT without damping.
     """
@@ -109,5 +109,5 @@ def _lossy(term: Term, gap: Gap) -> Array:
         "stiffness": torque / stiffness**2 - ratio * state / stiffness + ratio * by_size * travel,
         "damping": rate * compliance**2,
     }
-    whole = ratio * state - torque / stiffness + p["damping"] * columns["damping"]
-    return np.column_stack([whole, *(columns[q.name] for q in term.free)])
+    gap_of_term = ratio * state - torque / stiffness + p["damping"] * columns["damping"]
+    return np.column_stack([gap_of_term, *(columns[q.name] for q in term.free)])

@@ -1,7 +1,7 @@
-"""Rows of the gaps between two encoders, to which hypotheses are fitted as they are to rows of torques.
+"""Rows of the gaps between two encoders, to which hypotheses are fitted as to rows of torques.
 
-The standard model has one number for each gap and recording: where the encoders have their zeros. A recording
-that is held out states its own, which no hypothesis predicts.
+The standard model has one parameter for each gap and recording: the difference of the encoders' zeros. A
+held-out recording is centred instead, since no hypothesis predicts its zeros.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ class GapData(Data):
 
     @classmethod
     def of(cls, robot: Robot, gaps: Sequence[Sequence[Gap]], fitted: int) -> Self:
-        """The rows of gaps (`gap.gaps_of`); a quarter of each recording is held out where none is.
+        """The rows of gaps (`gap.gaps_of`); without held-out recordings a quarter of each one is held out.
 
         Args:
             robot: nominal.
             gaps: of each recording, channel by channel.
-            fitted: how many recordings are fitted.
+            fitted: number of recordings that are fitted.
         """
         width = len(gaps[0])
         whole = [np.column_stack([gap.reduce(gap.difference) for gap in own]) for own in gaps]
@@ -57,7 +57,7 @@ class GapData(Data):
         offsets = np.concatenate([target.mean(axis=0) for target in whole[:fitted]])
         about = np.concatenate(centred[:fitted])
         size = np.maximum(np.sqrt(np.mean(about**2, axis=0)), np.finfo(float).eps)
-        # What the encoders' steps leave in their mean is an error of any model, too.
+        # The mean error due to the encoders' resolution counts as error of any model, too.
         steps = np.sqrt(np.mean([[gap.steps**2 for gap in own] for own in gaps], axis=0))
         designs = []
         for i, target in enumerate(targets):
@@ -71,17 +71,17 @@ class GapData(Data):
             start=offsets,
             free=np.ones(offsets.size, dtype=bool),
             bodies=(),
-            own=np.arange(offsets.size),
+            gaussian=np.arange(offsets.size),
             positive=np.zeros(0, dtype=int),
             size=sizes,
             centre=np.zeros(offsets.size),
-            width=np.full(offsets.size, np.inf),  # rows determine them
+            width=np.full(offsets.size, np.inf),  # determined by the rows
             scale=np.zeros(offsets.size),
             beams=np.zeros(0, dtype=int),
         )
         return cls(
             layout=layout,
-            filed=np.zeros(offsets.size),
+            file_values=np.zeros(offsets.size),
             designs=tuple(designs),
             blocks=blocks_of([np.ones(target.shape, dtype=bool) for target in whole], fitted),
             size=size,
@@ -100,11 +100,11 @@ class GapData(Data):
         return GapColumns(self.gaps, [i >= self.fitted for i in range(len(self.gaps))])
 
     def time(self, run: int) -> Array:
-        """Of the rows of one recording [s], shape (K,)."""
+        """Times of the rows of one recording [s], shape (K,)."""
         return self.gaps[run][0].along.motion.reduced_time
 
     def counted(self, run: int) -> Mask:
-        """Every row is compared, shape (K, n)."""
+        """Mask of the compared rows, shape (K, n): all."""
         return np.ones((self.time(run).size, self.size.size), dtype=bool)
 
     def target(self, run: int) -> Array:
@@ -112,13 +112,15 @@ class GapData(Data):
         return self.targets[run]
 
     def nominal(self, run: int) -> Array:
-        """The gaps of a robot with rigid gears and encoders that do not err, shape (K, n)."""
+        """The gaps of a robot with rigid gears and ideal encoders, shape (K, n)."""
         return np.asarray(self.designs[run] @ self.start)
 
-    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
-        """What may be added to a hypothesis."""
+    def candidates(
+        self, hypothesis: Hypothesis, parameters: Array, residual: Sequence[Array]
+    ) -> list[Candidate]:
+        """Candidates that may be added to a hypothesis."""
         found: list[Candidate] = []
         for k in range(self.size.size):
             own = [gaps[k] for gaps in self.gaps[: self.fitted]]
-            found += candidates(own, hypothesis.terms, [each[:, k] for each in left])
+            found += candidates(own, hypothesis.terms, [each[:, k] for each in residual])
         return found

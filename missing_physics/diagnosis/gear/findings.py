@@ -1,18 +1,18 @@
-"""What hypotheses on gaps state, and the names of their channels."""
+"""Translation of hypotheses on gaps into findings, and the names of their channels."""
 
 from __future__ import annotations
 
 from missing_physics.diagnosis.further.errors import Channel
 from missing_physics.diagnosis.further.findings import Key, Reading
 from missing_physics.diagnosis.gear.data import GapData
-from missing_physics.diagnosis.gear.laws import keys_of, numbers_of
+from missing_physics.diagnosis.gear.laws import keys_of, parameters_of
 from reference_model.effects.base import Parameter
 
 __all__ = ["channels_of", "reading_of"]
 
 
 def channels_of(data: GapData) -> list[Channel]:
-    """The gaps."""
+    """The channels of the gaps."""
     return [
         Channel(f"{gap.joint}.position - {gap.joint}.motor_position", gap.unit, gap.joint)
         for gap in data.gaps[0]
@@ -20,7 +20,7 @@ def channels_of(data: GapData) -> list[Channel]:
 
 
 def reading_of(data: GapData) -> Reading:
-    """What terms state of gaps: each shows in that of one joint."""
+    """How terms on gaps translate into findings: each is visible in the gap of one joint."""
 
     def channels(key: Key) -> list[int]:
         place = key[1].split(".")[0]
@@ -30,4 +30,4 @@ def reading_of(data: GapData) -> Reading:
         slides = data.gaps[0][channels(key)[0]].is_prismatic
         return p.unit.replace("N m", "N").replace("rad", "m") if slides else p.unit
 
-    return Reading(channels, keys_of, numbers_of, unit)
+    return Reading(channels, keys_of, parameters_of, unit)

@@ -1,8 +1,8 @@
-"""What lies between a motor's encoder and an encoder at the joint: the gap, and what it may depend on.
+"""The gap between a motor's encoder and a joint's encoder, and the signals on which it may depend.
 
-The gap is ``d = position - motor_position``, both at the joint side of the gear. It is zero in a rigid robot
-with perfect encoders. Everything here is at the full sampling rate until `Gap.reduce`, which filters and
-decimates as it does for torques.
+The gap is ``d = position - motor_position``, both at the joint side of the gear. It is zero for a rigid robot
+with ideal encoders. Everything here is at the full sampling rate until `Gap.reduce`, which filters and
+decimates as for torques.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.evaluation.steps import steps_left
+from missing_physics.evaluation.steps import mean_rounding_error
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
@@ -31,14 +31,13 @@ class Gap:
     Attributes:
         along: the recording's motion, torque and dynamics.
         index: of the joint among the moving ones.
-        joint: its name.
-        difference: position - motor position as recorded, shape (N,) [rad or m].
-        noise_floor: rms that the encoders' white noise, or rounding, leaves of it after filtering [rad or m].
-        steps: rms of what the encoders' steps leave in its mean, where their noise does not wash them out; a
-            filter takes that away only where the motion crosses many of them [rad or m].
+        joint: name of the joint.
+        difference: recorded position minus motor position, shape (N,) [rad or m].
+        noise_floor: rms of the encoders' white noise, or rounding, after filtering [rad or m].
+        steps: rms of the mean error due to the encoders' resolution, where their noise does not average it
+            out; the filter removes it only if the motion crosses many steps [rad or m].
         torques: estimates of the torque that the gear transmits to the links, by name, shape (N,) each.
-        viscous: what the motor delivers beyond what the links need, in proportion to velocity [N m s/rad or
-            N s/m].
+        viscous: excess of the motor's torque over that of the links, per velocity [N m s/rad or N s/m].
     """
 
     along: MotionDynamics
@@ -52,7 +51,7 @@ class Gap:
 
     @property
     def time(self) -> Array:
-        """[s], shape (N,)."""
+        """Time [s], shape (N,)."""
         return self.along.motion.time
 
     @cached_property
@@ -62,17 +61,17 @@ class Gap:
 
     @property
     def velocity(self) -> Array:
-        """Its rate, shape (N,)."""
+        """Joint velocity, shape (N,)."""
         return self.along.motion.velocity[:, self.index]
 
     @property
     def acceleration(self) -> Array:
-        """Its second rate, shape (N,)."""
+        """Joint acceleration, shape (N,)."""
         return self.along.motion.acceleration[:, self.index]
 
     @property
     def link(self) -> str:
-        """The link behind the joint."""
+        """Name of the joint's child link."""
         return self.along.model.robot.moving_joints[self.index].child
 
     @property
@@ -88,7 +87,7 @@ class Gap:
 
     @property
     def unit(self) -> str:
-        """Of the gap."""
+        """Unit of the gap."""
         return "m" if self.is_prismatic else "rad"
 
     @property
@@ -98,12 +97,12 @@ class Gap:
 
     @cached_property
     def smooth(self) -> Mapping[str, Array]:
-        """The torques filtered, since their noise would hide what is not linear in them."""
+        """The filtered torques; noise would distort effects that are non-linear in them."""
         low_pass = self.along.motion.low_pass
         return {name: low_pass.smooth(torque) for name, torque in self.torques.items()}
 
     def reduce(self, values: Array) -> Array:
-        """Filtered and decimated along the first axis."""
+        """Filter and decimate along the first axis."""
         return self.along.motion.low_pass.reduce(values)
 
 
@@ -115,7 +114,7 @@ def gaps_of(
     Args:
         along: motion and dynamics of each recording.
         recordings: the fitted ones first.
-        fitted: how many of them are fitted.
+        fitted: number of recordings that are fitted.
     """
     found = []
     links = [_of_links(one, recording) for one, recording in zip(along, recordings)]
@@ -128,7 +127,7 @@ def gaps_of(
 
 
 def _difference(along: MotionDynamics, recording: Recording, index: int) -> Array | None:
-    """Position less motor position of one joint, shape (N,); None without both encoders."""
+    """Position minus motor position of one joint, shape (N,); None without both encoders."""
     joint, motion = along.model.robot.moving_joints[index].name, along.motion
     if f"{joint}.position" not in motion.others or f"{joint}.motor_position" not in recording:
         return None
@@ -136,13 +135,13 @@ def _difference(along: MotionDynamics, recording: Recording, index: int) -> Arra
 
 
 def _of_links(along: MotionDynamics, recording: Recording) -> Array:
-    """Torque that the links need along the motion by the joints' encoders, without rotors, shape (N, n)."""
+    """Torque that the links need along the motion of the joints' encoders, without rotors, shape (N, n)."""
     motion, joints = along.motion, along.model.robot.moving_joints
     more = np.zeros_like(motion.position)
     for index in range(len(joints)):
-        apart = _difference(along, recording, index)
-        if apart is not None:
-            more[:, index] = apart - apart.mean()
+        difference = _difference(along, recording, index)
+        if difference is not None:
+            more[:, index] = difference - difference.mean()
     moved = motion.moved(more) if more.any() else motion
     rotors = [joint.actuator.reflected_inertia if joint.actuator else 0.0 for joint in joints]
     torque = MotionDynamics(along.model, moved).torque
@@ -173,19 +172,19 @@ def _gap_of(along: MotionDynamics, links: Array, recording: Recording, index: in
 
 
 def _steps(along: MotionDynamics, recording: Recording, channel: str) -> float:
-    """What an encoder's steps leave in its mean."""
+    """rms of the mean error due to an encoder's resolution."""
     sensor = sensor_of(along.model.robot, recording, channel)
     if sensor is not None:
-        return steps_left(sensor.noise, sensor.resolution)
-    return steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
+        return mean_rounding_error(sensor.noise, sensor.resolution)
+    return mean_rounding_error(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
 
 
 def _torques(along: MotionDynamics, links: Array, index: int) -> dict[str, Array]:
     """Torque through the gear, from each side.
 
-    `link`: what the links need by inverse dynamics. It misses friction behind the gear and whatever the
-    model of the links misses. `motor`: measured torque less what accelerates the rotor. It misses friction
-    in front of the gear.
+    `link`: inverse dynamics of the links. It lacks friction behind the gear and whatever the model of the
+    links lacks. `motor`: measured torque minus the torque that accelerates the rotor. It includes friction in
+    front of the gear.
     """
     motion, actuator = along.motion, along.model.robot.moving_joints[index].actuator
     torques = {"link": links[:, index]}
@@ -196,12 +195,13 @@ def _torques(along: MotionDynamics, links: Array, index: int) -> dict[str, Array
 
 
 def _with_friction(gaps: Sequence[Gap], fitted: int) -> tuple[Gap, ...]:
-    """Gaps with torques from which friction, fitted as odd in velocity, is separated.
+    """Gaps with further torque estimates, in which friction, odd in velocity, is separated.
 
-    ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model
-    misses (a counterbalance, a wrong mass), and is added to their torque (`link`). Friction in front of the
-    gear is taken out of the motor's torque (`net`), friction behind it is added to that of the links (`link
-    and friction`). Torques of the links have no noise, those of the motor miss nothing else.
+    ``motor - link = friction(velocity) + curve(position)`` is fitted. The curve stands for errors of the
+    links' model (a counterbalance, a wrong mass), and is added to their torque (`link`). If friction is in
+    front of the gear, it is subtracted from the motor's torque (`net`); if behind it, it is added to that of
+    the links (`link and friction`). Torques of the links have no noise; those of the motor include everything
+    else.
     """
     if any("motor" not in gap.torques for gap in gaps):
         return tuple(gaps)
@@ -229,5 +229,5 @@ def _friction(gap: Gap) -> Array:
 
 
 def _curve(gap: Gap) -> Array:
-    """A parabola over position about the recording's middle keeps the columns well conditioned."""
+    """Columns of a parabola over position, shape (N, 3)."""
     return np.column_stack([np.ones(gap.position.size), gap.position, gap.position**2])

@@ -1,4 +1,4 @@
-"""States of hysteresis along a recording."""
+"""Hysteresis states along a recording."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
     if before <= 0.0:
         return z
     ratio = height / travel
-    if 1.0 + ratio == 1.0:  # below rounding the height acts on no digit of w, and omega / ratio underflows
+    if 1.0 + ratio == 1.0:  # the height is below rounding, and omega / ratio would underflow
         return side * (1.0 - before * math.exp(-abs(change) / travel))
     exponent = math.log(ratio) + math.log(before) + ratio * before - abs(change) / travel
     return side * (1.0 - float(wrightomega(exponent)) / ratio)
@@ -48,7 +48,7 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
 def lagging(torque: Array, size: float, height: float) -> Array:
     """The state of friction in a gear along the torque, and its derivatives by size and height, shape (N, 3).
 
-    The gear is taken to have come to its first torque in one go from rest.
+    The gear is assumed to have reached its first torque monotonically from rest.
     """
     torque = np.concatenate([[0.0], torque])
     own, longer, higher = (

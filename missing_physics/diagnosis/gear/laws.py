@@ -1,4 +1,4 @@
-"""What gears and links do to the gap between two encoders, in numbers that the gap determines.
+"""Laws of gears and links for the gap between two encoders, in parameters that the gap determines.
 
 Elasticity is the catalogue's (`reference_model.effects.joint_elasticity`), and so are the errors of encoders.
 """
@@ -12,16 +12,25 @@ from reference_model.effects.base import Effect, Parameter
 from reference_model.effects.catalogue import get_effect
 from reference_model.effects.gear_spring import DAMPING
 
-__all__ = ["BACKLASH", "BENDING", "ELASTICITY", "HYSTERESIS", "OF_GEARS", "OPTIONAL", "keys_of", "numbers_of"]
+__all__ = [
+    "BACKLASH",
+    "BENDING",
+    "ELASTICITY",
+    "HYSTERESIS",
+    "OF_GEARS",
+    "OPTIONAL",
+    "keys_of",
+    "parameters_of",
+]
 
 
 class _Play(Effect):
-    """The gap jumps by the play with the sign of the torque, over the time that the flanks take to meet."""
+    """The gap jumps by the play when the torque changes sign, smoothed by the flight time of the flanks."""
 
     id, title, place = "backlash", "Backlash", "joint"
     parameters = (
         Parameter("half_width", "rad", "half of the play", 0.0, 1.0, 5e-4, absent=0.0, linear=True),
-        Parameter("flight", "N m", "torque within which flanks are on their way", 1e-9, 1e9, 1.0),
+        Parameter("flight", "N m", "torque below which the flanks are in flight", 1e-9, 1e9, 1.0),
     )
     essential = ("half_width",)
     equation = "gap = -half_width * tanh(T / flight)"
@@ -30,8 +39,8 @@ class _Play(Effect):
     experiment = "preload the joint to one side"
 
 
-class _Lossy(Effect):
-    """A spring with friction inside: T = K e + T_h z + D ed, travel dz = de - |de| z, and the gap is -e."""
+class _Hysteresis(Effect):
+    """A spring with internal friction: T = K e + T_h z + D ed, travel dz = de - |de| z; the gap is -e."""
 
     id, title, place = "gear_hysteresis", "Gear hysteresis", "joint"
     parameters = (
@@ -63,29 +72,29 @@ class _Bending(Effect):
 
 
 ELASTICITY = get_effect("joint_elasticity")
-#: Numbers that a spring may lack: every gear has some damping.
+#: Optional parameters of a spring; damping is not optional, as every gear has some.
 OPTIONAL = frozenset({"cubic_stiffness"})
-BACKLASH, HYSTERESIS, BENDING = _Play(), _Lossy(), _Bending()
+BACKLASH, HYSTERESIS, BENDING = _Play(), _Hysteresis(), _Bending()
 #: Effects that are driven by the torque through the gear.
 OF_GEARS = frozenset({ELASTICITY.id, BACKLASH.id, HYSTERESIS.id})
-#: Numbers that are not stated, since they belong to the description of the gap.
+#: Parameters that are not reported, since they only describe the gap.
 UNSTATED = frozenset({"flight"})
-#: Numbers of friction inside a gear that are its spring's.
+#: Parameters of friction inside a gear that belong to its spring.
 OF_SPRING = frozenset({"stiffness", "damping"})
 
 
 def keys_of(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
-    """Effects and places that terms state: friction inside a gear comes with the gear's spring."""
-    lossy = {(ELASTICITY.id, term.at) for term in terms if term.effect is HYSTERESIS}
-    return frozenset({term.key for term in terms} | lossy)
+    """Effects and places that terms represent: friction inside a gear includes the gear's spring."""
+    hysteresis = {(ELASTICITY.id, term.at) for term in terms if term.effect is HYSTERESIS}
+    return frozenset({term.key for term in terms} | hysteresis)
 
 
-def numbers_of(key: tuple[str, str], terms: Sequence[Term]) -> Mapping[str, tuple[Term, Parameter]]:
-    """The term and the parameter that hold each number of a stated effect."""
+def parameters_of(key: tuple[str, str], terms: Sequence[Term]) -> Mapping[str, tuple[Term, Parameter]]:
+    """The term and its parameter for each parameter of a reported effect."""
     own = [term for term in terms if term.key == key]
-    lossy = [term for term in terms if (ELASTICITY.id, term.at) == key and term.effect is HYSTERESIS]
-    if lossy:
-        return {name: (lossy[0], HYSTERESIS.parameter(name)) for name in sorted(OF_SPRING)}
+    hysteresis = [term for term in terms if (ELASTICITY.id, term.at) == key and term.effect is HYSTERESIS]
+    if hysteresis:
+        return {name: (hysteresis[0], HYSTERESIS.parameter(name)) for name in sorted(OF_SPRING)}
     hidden = UNSTATED | (OF_SPRING if own[0].effect is HYSTERESIS else frozenset())
     held = {name for name, low, high in own[0].limits if low == high}
     stated = [p for p in own[0].effect.estimated if p.name not in hidden]

@@ -1,7 +1,7 @@
-"""Diagnosis of what lies between a motor's encoder and an encoder at the joint.
+"""Diagnosis of the transmission between a motor's encoder and a joint's encoder.
 
 The gap ``position - motor_position`` of every joint that has both is compared with hypotheses as torques are
-(`missing_physics.inference`). What such data cannot determine is stated.
+(`missing_physics.inference`). What such data cannot determine is reported.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.further.errors import beyond_noise, errors_of, fits_of, series_of
 from missing_physics.diagnosis.further.findings import findings_of
 from missing_physics.diagnosis.further.merge import Further
-from missing_physics.diagnosis.gear.candidates import SEEN_CYCLE
+from missing_physics.diagnosis.gear.candidates import COVERED_CYCLE
 from missing_physics.diagnosis.gear.data import GapData
 from missing_physics.diagnosis.gear.findings import channels_of, reading_of
 from missing_physics.diagnosis.gear.gap import gaps_of
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 
 class TransmissionResult(Further):
-    """What the gaps of all joints with two encoders say.
+    """Diagnosis of the gaps of all joints with two encoders.
 
     Mismatches are of channels `JOINT.position`, errors of `JOINT.position - JOINT.motor_position`, whose
     offsets are free.
@@ -53,12 +53,12 @@ def diagnose_transmission(
     along: Sequence[MotionDynamics],
     progress: Callable[[str], None] | None = None,
 ) -> TransmissionResult | None:
-    """Name what makes the two encoders of a joint differ.
+    """Find the effects that make the two encoders of a joint differ.
 
     Args:
         robot: the nominal robot.
-        recordings: what is fitted.
-        validation: what is only predicted; a quarter of each recording is held out when empty.
+        recordings: those that are fitted.
+        validation: those that are only predicted; if empty, a quarter of each recording is held out.
         along: motion and dynamics of each recording, then of each of `validation`.
         progress: called with a phrase whenever something new is tried.
 
@@ -74,7 +74,7 @@ def diagnose_transmission(
     if not gaps[0]:
         return TransmissionResult(could_not_tell=known)
     if progress:
-        progress("weighing what lies between motors and joints")
+        progress("weighing hypotheses on the transmissions between motors and joints")
     found = search(GapData.of(robot, gaps, len(recordings)), progress)
     data, posterior = found.data, weighed(found)
     answer, findings = posterior.answer, findings_of(found, posterior, reading_of(data))
@@ -96,7 +96,7 @@ def diagnose_transmission(
 
 
 def _shown(data: GapData, run: int, k: int) -> dict[str, Any]:
-    """Of one gap in one recording, for its series."""
+    """Further fields of the series of one gap in one recording."""
     gap, motion = data.gaps[run][k], data.gaps[run][k].along.motion
     return {
         "recording": motion.source,
@@ -107,17 +107,17 @@ def _shown(data: GapData, run: int, k: int) -> dict[str, Any]:
 
 
 def listed_gears(robot: Robot) -> tuple[str, ...]:
-    """Joints with effects in their gears in the robot file."""
+    """Joints with gear effects in the robot file."""
     uses = [use for use in robot.effects if isinstance(get_effect(use.effect), GearEffect)]
     return tuple(dict.fromkeys(use.at for use in uses))
 
 
-KNOWN = "the robot file says what its gear does, and what lies between its encoders was not weighed again."
+KNOWN = "the robot file states effects of its gear, so the gap between its encoders was not diagnosed."
 
 
-def _located(data: GapData, left: Sequence[Array]) -> Iterator[Mismatch]:
-    """The gaps that encoders' noise does not explain, largest share first."""
-    for k, rms, _, share, p_value in beyond_noise(data, left[: data.fitted]):
+def _located(data: GapData, residual: Sequence[Array]) -> Iterator[Mismatch]:
+    """The gaps that encoder noise does not explain, largest share first."""
+    for k, rms, _, share, p_value in beyond_noise(data, residual[: data.fitted]):
         gap = data.gaps[0][k]
         words = (
             f"{gap.joint}: its encoder and its motor's differ by {rms:.3g} {gap.unit} rms about a constant, "
@@ -127,9 +127,9 @@ def _located(data: GapData, left: Sequence[Array]) -> Iterator[Mismatch]:
 
 
 def _open_questions(
-    data: GapData, answer: Fit, left: Sequence[Array], findings: Sequence[Finding], k: int
+    data: GapData, answer: Fit, residual: Sequence[Array], findings: Sequence[Finding], k: int
 ) -> Iterator[str]:
-    """What the data of one joint leave open, of which an answer leaves so much."""
+    """Sentences on what the data of one joint cannot determine, given the residual of the answer."""
     gap, unit = data.gaps[0][k], data.gaps[0][k].unit
     joint, here = gap.joint, [term for term in answer.hypothesis.terms if term.at == gap.joint]
     stated = {f.effect for f in findings if f.location.split(".")[0] == joint}
@@ -158,19 +158,19 @@ def _open_questions(
             torques = [own[k].smooth[spring.along] for own in data.gaps[: data.fitted]]
             if not any(torque.min() < 0.0 < torque.max() for torque in torques):
                 yield (
-                    f"{joint}: the torque through its gear never changes its sign, so that play between its "
+                    f"{joint}: the torque through its gear never changes its sign, so play between its "
                     "flanks would not show."
                 )
     travel = max(float(np.ptp(own[k].position)) for own in data.gaps[: data.fitted])
-    if not gap.is_prismatic and travel < 2.0 * np.pi * SEEN_CYCLE and "encoder_eccentricity" not in stated:
+    if not gap.is_prismatic and travel < 2.0 * np.pi * COVERED_CYCLE and "encoder_eccentricity" not in stated:
         yield (
             f"{joint}: an eccentric disc of the joint's encoder cannot be seen in "
             f"{np.degrees(travel):.0f} degrees of a turn; it would look like a gain error or a slow curve "
             "over position."
         )
-    after, floor = errors_of(data, left, k), float(np.hypot(data.noise[k], data.error[k]))
-    unseen = np.concatenate([own[~data.rows_seen(i), k] for i, own in enumerate(left)])
-    if after.validation_rms > AT_NOISE * floor and p_value_of(unseen, floor) < BEYOND_NOISE:
+    after, floor = errors_of(data, residual, k), float(np.hypot(data.noise[k], data.error[k]))
+    held_out = np.concatenate([own[~data.fitted_rows(i), k] for i, own in enumerate(residual)])
+    if after.validation_rms > AT_NOISE * floor and p_value_of(held_out, floor) < BEYOND_NOISE:
         yield (
             f"{channels_of(data)[k].name}: {after.validation_rms:.3g} {unit} rms remain on held-out data "
             f"against {data.noise[k]:.2g} {unit} of encoder noise, and nothing that was tried explains it."
@@ -178,7 +178,7 @@ def _open_questions(
 
 
 def _common_delay(findings: Sequence[Finding]) -> Iterator[str]:
-    """The same delay at several joints speaks for the clock of the measurement, not for mechanics."""
+    """A sentence if several joints have the same delay, which indicates the clock, not mechanics."""
     delays = [f for f in findings if f.effect == "sensor_delay" and f.location.endswith(".position")]
     if len(delays) < 2:
         return
@@ -189,6 +189,6 @@ def _common_delay(findings: Sequence[Finding]) -> Iterator[str]:
         pooled = float(1 / np.sqrt(np.sum(halves**-2.0)))
         names = ", ".join(f.location.split(".")[0] for f in delays)
         yield (
-            f"{names} agree on one delay, {1e3 * mean:.3g} +- {1e3 * pooled:.2g} ms: that speaks for the "
+            f"{names} agree on one delay, {1e3 * mean:.3g} +- {1e3 * pooled:.2g} ms: that indicates the "
             "timing of the measurement, since wind-up by friction differs from joint to joint."
         )

@@ -1,1 +1,1 @@
-"""Findings between two encoders: in the diagnosis and in the robot file."""
+"""Findings on transmissions: merged into the diagnosis and the robot file."""

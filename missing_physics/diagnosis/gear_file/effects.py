@@ -1,4 +1,4 @@
-"""Findings between two encoders as effects of the robot file."""
+"""Findings on transmissions as effects of the robot file."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Joint, Robot
 
-__all__ = ["FoundGears", "found_gears", "found_sensors", "yielding"]
+__all__ = ["FoundGears", "compliant_joints", "found_gears", "found_sensors"]
 
-#: Flanks whose stiffness the data do not determine get one of this eigenfrequency of the rotor on them
-#: [rad/s]: above what joint controllers excite, below what would make simulations crawl.
+#: Flanks whose stiffness the data do not determine get this eigenfrequency with the rotor [rad/s]: above the
+#: bandwidth of joint controllers, and low enough for fast simulation.
 FLANKS = 2 * np.pi * 200.0
-#: And this part of critical damping.
+#: Their damping as a fraction of critical damping.
 FLANKS_DAMPING = 0.1
 
 
 @dataclass(frozen=True)
 class FoundGears:
-    """What the robot file gets of the findings between two encoders.
+    """Effects to be written to the robot file.
 
     Attributes:
         uses: effects in gears.
-        words: what could not be written, and what was assumed.
+        words: sentences on what could not be written, and on assumptions.
     """
 
     uses: tuple[EffectUse, ...] = ()
@@ -37,7 +37,7 @@ class FoundGears:
 
 
 def found_gears(robot: Robot, gap: TransmissionResult) -> FoundGears:
-    """The findings of `gap` that lie in gears, as effects that both engines can run."""
+    """The findings of `gap` in gears, as effects that both engines can simulate."""
     uses: list[EffectUse] = []
     words: list[str] = []
     for joint in robot.moving_joints:
@@ -53,14 +53,14 @@ def found_gears(robot: Robot, gap: TransmissionResult) -> FoundGears:
         if reason:
             words.append(f"{' and '.join(own)} at {joint.name}: not in the augmented robot file: {reason}.")
             continue
-        made, told = _written(joint, own)
+        made, sentences = _written(joint, own)
         uses += made
-        words += told
+        words += sentences
     return FoundGears(tuple(uses), tuple(words))
 
 
-def yielding(robot: Robot, gap: TransmissionResult | None) -> tuple[str, ...]:
-    """Joints whose gears yield, by the file or by a finding, and of which no encoder was found to err."""
+def compliant_joints(robot: Robot, gap: TransmissionResult | None) -> tuple[str, ...]:
+    """Joints with a compliant gear, by the file or a finding, and without a finding at their encoders."""
     findings = () if gap is None else gap.findings
     found = {f.location for f in findings if isinstance(get_effect(f.effect), GearEffect)}
     wrong = {f.location.split(".")[0] for f in findings if isinstance(get_effect(f.effect), SensorEffect)}
@@ -68,7 +68,7 @@ def yielding(robot: Robot, gap: TransmissionResult | None) -> tuple[str, ...]:
 
 
 def found_sensors(findings: Sequence[Finding]) -> tuple[EffectUse, ...]:
-    """Those of the findings that encoders err by, as effects."""
+    """The findings that are encoder errors, as effects."""
     return tuple(
         use_of(f.effect, f.location, dict(_values(f)))
         for f in findings
@@ -77,20 +77,20 @@ def found_sensors(findings: Sequence[Finding]) -> tuple[EffectUse, ...]:
 
 
 def _unwritten(joint: Joint) -> str:
-    """Why the effects in this gear cannot stand in the file; empty where they can."""
+    """Why the effects in this gear cannot be written to the file; empty if they can."""
     if joint.actuator is None or joint.actuator.rotor_inertia <= 0:
-        return "its actuator has no rotor_inertia, so that its motor cannot move by itself"
+        return "its actuator has no rotor_inertia, so its motor cannot move separately"
     return ""
 
 
 def _written(joint: Joint, own: Mapping[str, Finding]) -> tuple[list[EffectUse], list[str]]:
     found = dict(own)
     words: list[str] = []
-    lossy = found.get("gear_hysteresis")
-    if lossy is not None and ("torque" not in lossy.parameters or "joint_elasticity" not in found):
+    hysteresis = found.get("gear_hysteresis")
+    if hysteresis is not None and ("torque" not in hysteresis.parameters or "joint_elasticity" not in found):
         words.append(
-            f"gear_hysteresis at {joint.name} follows the motion and not the torque, as friction behind a "
-            "gear with play makes it; the augmented robot file leaves it out."
+            f"gear_hysteresis at {joint.name} depends on the motion and not on the torque, as with friction "
+            "behind a gear with play; the augmented robot file leaves it out."
         )
         del found["gear_hysteresis"]
     if "backlash" in found and "gear_hysteresis" in found:
@@ -106,8 +106,8 @@ def _written(joint: Joint, own: Mapping[str, Finding]) -> tuple[list[EffectUse],
             if effect == "backlash" and "joint_elasticity" not in found:
                 values |= _flanks(joint)
                 words.append(
-                    f"backlash at {joint.name}: the stiffness of its flanks is not told; the augmented robot "
-                    f"file assumes {values['stiffness']:.3g} and damping of {values['damping']:.3g}."
+                    f"backlash at {joint.name}: the stiffness of its flanks is not known; the augmented "
+                    f"robot file assumes {values['stiffness']:.3g} and damping of {values['damping']:.3g}."
                 )
             uses.append(use_of(effect, joint.name, values))
     return uses, words

@@ -1,4 +1,4 @@
-"""One diagnosis of two: of the joint torques, and of what lies between two encoders of a joint."""
+"""Merges the diagnosis of the joint torques with that of the transmissions."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["with_transmission"]
 
 
 def with_transmission(result: Result, gap: TransmissionResult, robot: Robot) -> Result:
-    """`result` with the findings between encoders, which are added to its robot file as well.
+    """`result` merged with the findings on transmissions, also in its robot file.
 
     Args:
         result: the diagnosis of the torques.
-        gap: of the differences between encoders.
+        gap: the diagnosis of the differences between encoders.
         robot: the nominal robot.
     """
     gears = found_gears(robot, gap)
-    told = replace(gap, could_not_tell=(*gap.could_not_tell, *gears.words))
-    return joined(result, told, robot, (*gears.uses, *found_sensors(gap.findings)))
+    with_sentences = replace(gap, could_not_tell=(*gap.could_not_tell, *gears.words))
+    return joined(result, with_sentences, robot, (*gears.uses, *found_sensors(gap.findings)))

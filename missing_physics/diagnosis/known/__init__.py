@@ -1,1 +1,1 @@
-"""Known effects of sensors and gears, for which recordings are corrected before hypotheses are weighed."""
+"""Corrects recordings for known effects of sensors and gears before hypotheses are weighed."""

@@ -1,4 +1,4 @@
-"""The robot without the effects for which recordings are corrected, and a robot file with them again."""
+"""Removes from a robot the effects for which recordings are corrected, and restores them in a robot file."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from reference_model.effects.base import GearEffect, SensorEffect, YieldingGear
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Recording, Robot
 
-__all__ = ["left_aside", "restored", "stripped"]
+__all__ = ["ignored_gears", "restored", "stripped"]
 
 
 def stripped(robot: Robot, recordings: Sequence[Recording]) -> Robot:
-    """The robot without errors of sensors, and without gears but those whose twist follows from the torque.
+    """The robot without sensor errors, and without gear effects except twist that follows from the torque.
 
-    The twist of a yielding gear behind the only encoder is taken as the robot file says.
+    The twist of a compliant gear behind the only encoder is kept as in the robot file.
     """
     kept = tuple(use for use in robot.effects if not _is_known(use, recordings))
     return robot.model_copy(update={"effects": kept})
 
 
 def restored(file: Robot, robot: Robot, recordings: Sequence[Recording]) -> Robot:
-    """A robot file with the effects that `stripped` left out of `robot`.
+    """A robot file with the effects that `stripped` removed from `robot`.
 
-    Where a sensor errs otherwise than `robot` says, the parameters are added: errors are small, so that one
-    after the other is their sum to first order.
+    If a further error of the same sensor was found, the parameters are added: small errors in sequence add up
+    to first order.
     """
     more = list(file.effects)
     for use in robot.effects:
@@ -40,8 +40,8 @@ def restored(file: Robot, robot: Robot, recordings: Sequence[Recording]) -> Robo
     return file.model_copy(update={"effects": tuple(more)})
 
 
-def left_aside(robot: Robot, recordings: Sequence[Recording]) -> Iterator[str]:
-    """Sentences on gears of the robot file that the recordings do not show."""
+def ignored_gears(robot: Robot, recordings: Sequence[Recording]) -> Iterator[str]:
+    """Sentences on gear effects of the robot file that were ignored."""
     for use in robot.effects:
         effect = get_effect(use.effect)
         if (

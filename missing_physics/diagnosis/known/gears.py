@@ -1,6 +1,6 @@
-"""Torques behind gears that yield: as if each rotor sat rigidly on its joint.
+"""Torques behind compliant gears, converted as if each rotor were rigidly coupled to its joint.
 
-A motor that moves by itself delivers the torque u - B (th" - q") to its joint, with u the actuator's torque,
+Through a compliant gear a motor delivers the torque u - B (th" - q") to its joint, with u its own torque,
 th and q the motor's and the joint's position and B the reflected inertia of the rotor. With that torque and
 the joint's own encoder the robot is one of rigid gears.
 """
@@ -19,20 +19,20 @@ from robot_model import Recording, Robot
 
 __all__ = ["behind_gears"]
 
-#: Quantities of a motor that those of its joint take the place of.
+#: Quantities of a motor that are replaced by those of its joint.
 OF_MOTORS = ("motor_position", "motor_velocity", "current", "voltage")
 
 
 def behind_gears(
     robot: Robot, recordings: Sequence[Recording], along: Sequence[MotionDynamics], joints: Collection[str]
 ) -> tuple[Recording, ...]:
-    """The recordings with the motion and the torque behind the gears of some joints.
+    """The recordings with motion and torque on the joint side of some compliant gears.
 
     Args:
         robot: the nominal robot.
-        recordings: with both encoders of these joints; others are left as they are.
-        along: dynamics along each, with the motors' motion.
-        joints: with gears that yield.
+        recordings: joints without both encoders are left unchanged.
+        along: dynamics along each recording, with the motors' motion.
+        joints: names of the joints with compliant gears.
     """
     joints = [joint for joint in joints if all(_has_both(recording, joint) for recording in recordings)]
     if not joints:
@@ -71,8 +71,10 @@ def _behind(
         last = min(motors.motion.time[-1], links.motion.time[-1])
         inside = (time >= first) & (time <= last)
         inertia = joint.actuator.reflected_inertia if joint.actuator else 0.0
-        acted = make_interp_spline(motors.motion.time, motors.motion.torque[:, k], k=3)
+        motor_torque = make_interp_spline(motors.motion.time, motors.motion.torque[:, k], k=3)
         behind = np.full(time.size, np.nan)
-        behind[inside] = acted(time[inside]) - inertia * (of_motor(time[inside]) - of_link(time[inside]))
+        behind[inside] = motor_torque(time[inside]) - inertia * (
+            of_motor(time[inside]) - of_link(time[inside])
+        )
         torques[f"{joint.name}.torque"] = behind
     return bare.with_channels(torques)

@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 
 
 def without_sensor_errors(robot: Robot, recording: Recording) -> Recording:
-    """The recording as it were if the sensors did not err as the robot file says.
+    """The recording without the sensor errors of the robot file.
 
-    Channels that the recording lacks are left alone.
+    Channels that the recording lacks are skipped.
     """
     found: dict[str, Array] = {}
     for used in reversed(used_effects(robot)):

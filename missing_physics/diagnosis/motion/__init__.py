@@ -1,1 +1,1 @@
-"""The joint motion and the torque of a recording, and the filter that both pass."""
+"""Joint motion and torque of a recording, and the filter applied to both."""

@@ -1,12 +1,12 @@
 """The joint motion and the actuator torque of a recording.
 
-The motion is estimated by a zero-phase low-pass filter and a
-quintic spline, whose derivatives are velocity and acceleration. Everything that is compared later, measured
-or computed, passes through the same filter, so that the filter biases nothing (parallel filtering; Gautier,
-"Dynamic identification of robots with power model", ICRA 1997).
+The motion is estimated by a zero-phase low-pass filter and a quintic spline, whose derivatives are velocity
+and acceleration. Everything that is compared later, measured or computed, passes through the same filter, so
+that the filter causes no bias (parallel filtering; Gautier, "Dynamic identification of robots with power
+model", ICRA 1997).
 
-The cut-off comes from the data: the frequency above which differentiating the position's noise twice makes
-more torque than the recorded torque holds.
+The cut-off follows from the data: below it, position noise differentiated twice accounts for little of the
+recorded torque.
 """
 
 from __future__ import annotations
@@ -30,33 +30,33 @@ __all__ = ["Motion", "estimate_motion"]
 
 Array = NDArray[np.float64]
 
-#: The motion's own smoother is wider only as far as the velocity's noise stays below this part of the largest
+#: The smoother of the motion is wider only as far as velocity noise stays below this fraction of the largest
 #: speed.
 SIGN_KNOWN = 2e-3
-#: Position noise may make this part of a joint's rms torque.
+#: Position noise may account for this fraction of a joint's rms torque.
 NOISE_PART = 1e-2
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What one stretch of a recording says about the joints, on a uniform grid.
+    """Joint motion and torque in one part of a recording, on a uniform grid.
 
     Attributes:
         source: name of the recording.
         time: [s], shape (N,), uniform.
         position, velocity, acceleration: smoothed, joint side, shape (N, n).
-        torque: actuator torque at the joint as it acted, not smoothed, shape (N, n); NaN columns where
-            unknown, zero where nothing drives the joint.
+        torque: actuator torque at the joint at the time it took effect, not smoothed, shape (N, n); NaN
+            columns where unknown, zero where nothing drives the joint.
         temperature: joint temperature [K], shape (N, n); NaN where unknown.
         position_noise: standard deviation of white position noise per sample, shape (n,).
         torque_noise: the same of torque, shape (n,).
         low_pass: the filter through which measured and computed torques are compared.
         motion_cutoff: cut-off of the smoother of the motion itself, higher than that of `low_pass` [Hz].
-        raw_position: as recorded, resampled, shape (N, n).
+        raw_position: recorded position, resampled, shape (N, n).
         position_channels: the channel of each joint's position.
         others: further recorded channels on the same grid.
-        left_out: which part of the recording is not used and why, as a clause; empty where all is.
-        drive: `torque` without the share of a motor's back-EMF that is in it where it follows from a voltage.
+        left_out: which part of the recording is not used and why, as a clause; empty if all is used.
+        drive: like `torque`, but without subtracting the back-EMF if it follows from a voltage.
     """
 
     source: str
@@ -78,7 +78,7 @@ class Motion:
 
     @property
     def velocity_noise(self) -> Array:
-        """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
+        """Standard deviation of the smoothed velocity due to position noise, shape (n,)."""
         return velocity_noise_of(self.position_noise, self.low_pass.rate, self.motion_cutoff)
 
     @property
@@ -88,7 +88,7 @@ class Motion:
         return np.maximum(SIGN_UNCERTAINTY * self.velocity_noise, least)
 
     def moved(self, more: Array) -> Motion:
-        """The motion with a change of the recorded positions, which is smoothed as they are, shape (N, n)."""
+        """The motion with a change of the recorded positions, shape (N, n), smoothed in the same way."""
         smooth = LowPass(self.low_pass.rate, self.motion_cutoff).smooth(more)
         position, velocity, acceleration = _derivatives(self.time, smooth)
         return replace(
@@ -105,7 +105,7 @@ class Motion:
 
     @property
     def reduced_time(self) -> Array:
-        """Their instants [s]."""
+        """Times of these samples [s]."""
         return self.time[self.kept]
 
 
@@ -122,7 +122,7 @@ def estimate_motion(
     Args:
         robot: the nominal robot; names the channels.
         recording: must hold `JOINT.position` or `JOINT.motor_position` of every moving joint.
-        inertia: typical inertia each joint sees [kg m^2 or kg], shape (n,); only sets the cut-off.
+        inertia: typical effective inertia of each joint [kg m^2 or kg], shape (n,); only sets the cut-off.
         noise: standard deviation of white noise by channel, in its unit.
         cutoff: of the filter [Hz]; found from the data when None.
 
@@ -151,8 +151,8 @@ def estimate_motion(
     chosen = chosen if slowest == rate else min(chosen, highest)
     low_pass = LowPass(rate, chosen)
     widest = WIDEST * clock.slowest(channels)
-    wide = _motion_cutoff(rate, chosen, raw, position_noise, widest=widest)
-    position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
+    smoothing = _motion_cutoff(rate, chosen, raw, position_noise, widest=widest)
+    position, velocity, acceleration = _derivatives(time, LowPass(rate, smoothing).smooth(raw))
     temperature = np.column_stack([clock.values(f"{name}.temperature", absent=np.nan) for name in names])
     periods = np.array([clock.own.get(source or "", float(time[1] - time[0])) for source in sources])
     drive = _held(robot, time, torque, periods)
@@ -173,7 +173,7 @@ def estimate_motion(
         position_noise=position_noise,
         torque_noise=torque_noise,
         low_pass=low_pass,
-        motion_cutoff=wide,
+        motion_cutoff=smoothing,
         raw_position=raw,
         position_channels=tuple(channels),
         others={channel: clock.values(channel) for channel in others},
@@ -190,7 +190,7 @@ def _torque(robot: Robot, clock: Clock, name: str) -> Array:
 
 
 def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: Array) -> Array:
-    """Subtract the back-EMF's share where the torque was made from a voltage."""
+    """Torque with the contribution of the back-EMF subtracted where it was computed from a voltage."""
     result = torque.copy()
     for column, joint in enumerate(robot.moving_joints):
         channel, _ = actuator_torque(robot, recording, joint.name)
@@ -205,24 +205,24 @@ def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: 
 
 
 def _held(robot: Robot, time: Array, torque: Array, periods: Array) -> Array:
-    """Torque as it acted where a sampled controller holds it until it acts again.
+    """Torque at the time it took effect, if a sampled controller holds it.
 
-    A recorded value holds for the controller's period, or to the next sample where that is sooner: on the
-    whole it acts half of that later than it is recorded.
+    A recorded value holds for the controller's period, or until the next sample if that is sooner: on
+    average it takes effect half of that time after it is recorded.
     """
     period = sample_time(robot)
     if period <= 0.0:
         return torque
-    acted = torque.copy()
-    for column, own in zip(acted.T, periods):
-        late = 0.5 * min(period, own)
+    delayed = torque.copy()
+    for column, own in zip(delayed.T, periods):
+        delay = 0.5 * min(period, own)
         if np.isfinite(column).all():
-            column[:] = make_interp_spline(time, column, k=3)(np.maximum(time - late, time[0]))
-    return acted
+            column[:] = make_interp_spline(time, column, k=3)(np.maximum(time - delay, time[0]))
+    return delayed
 
 
 def _noise_of(recording: Recording, noise: Mapping[str, float], channel: str) -> float:
-    """White noise per sample, the uniform error of rounding to the resolution included."""
+    """White noise per sample, including the uniform error of rounding to the resolution."""
     sigma = noise.get(channel, recording.noise.get(channel, 0.0))
     return float(np.hypot(sigma, recording.resolution.get(channel, 0.0) / np.sqrt(12.0)))
 
@@ -236,9 +236,9 @@ def _cutoff(
     *,
     highest: float,
 ) -> float:
-    """Frequency below which position noise, differentiated twice, makes little of every joint's torque [Hz].
+    """Frequency below which twice-differentiated position noise is a small part of every joint's torque [Hz].
 
-    White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f.
+    White noise of density S causes a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f at an inertia J.
     """
     rate = float(1.0 / (time[1] - time[0]))
     slow = LowPass(rate, min(LOWEST, highest)).smooth(raw)
@@ -247,7 +247,7 @@ def _cutoff(
         series = torque[:, column]
         if not np.isfinite(series).all() or not position_noise[column]:
             continue
-        if not series.any():  # nothing drives it: what its motion takes stands for the torque
+        if not series.any():  # undriven: use the inertial torque of its motion instead
             series = inertia[column] * _derivatives(time, slow[:, column])[2]
         allowed = (NOISE_PART * float(np.sqrt(np.mean(series**2)))) ** 2
         density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
@@ -263,10 +263,10 @@ def _motion_cutoff(
     *,
     widest: float,
 ) -> float:
-    """Cut-off of the motion's smoother: as wide as the sign of the velocity allows [Hz].
+    """Cut-off of the motion's smoother: as high as the sign of the velocity allows [Hz].
 
-    What happens when a joint reverses is faster than what is known of its torque. A wider motion keeps
-    it; the noise it lets through is taken out again by the filter that all torques pass.
+    Reversals of a joint are faster than the band of its torque. A wider smoother preserves them; the noise
+    that it passes is removed again by the filter that all torques pass.
     """
     speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate
     noise = velocity_noise_of(position_noise, rate, 1.0)  # which grows as the power 3/2 of the cut-off

@@ -1,4 +1,4 @@
-"""The filter that everything passes which is compared."""
+"""The low-pass filter applied to everything that is compared."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["LowPass"]
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-#: Numbers that are transformed at once.
+#: Values that are transformed at once.
 IN_CACHE = 65536
 
 
@@ -26,7 +26,7 @@ class LowPass:
     """Zero-phase Butterworth low-pass with decimation.
 
     Attributes:
-        rate: sampling rate of what goes in [Hz].
+        rate: sampling rate of the input [Hz].
         cutoff: -6 dB frequency of both passes together [Hz].
     """
 
@@ -35,7 +35,7 @@ class LowPass:
 
     @property
     def stride(self) -> int:
-        """Every how many samples one is kept."""
+        """Decimation factor."""
         return max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))
 
     @property
@@ -45,12 +45,12 @@ class LowPass:
 
     @property
     def independent(self) -> float:
-        """Independent samples in one that is kept: two in a period of the cut-off."""
+        """Independent samples per kept sample: two per period of the cut-off."""
         return min(1.0, 2.0 * self.cutoff * self.stride / self.rate)
 
     @property
     def noise_gain(self) -> float:
-        """rms of filtered over rms of white noise."""
+        """Ratio of the rms of filtered to unfiltered white noise."""
         half = max(3 * self.edge, 1)  # after which the filter has settled
         impulse = np.zeros(2 * half + 1)
         impulse[half] = 1.0
@@ -63,15 +63,15 @@ class LowPass:
     def reduce(self, values: Array) -> Array:
         """Filter along the first axis, drop the spoiled ends and keep every `stride`-th sample.
 
-        To rounding what `smooth` gives there, at a fraction of the cost: each of the `stride` sequences of
-        samples has its own part of the filter, by Fourier transforms at the rate of what is kept.
+        Equal to `smooth` at these samples up to rounding, at a fraction of the cost: a polyphase filter with
+        Fourier transforms at the decimated rate.
         """
         samples, every = len(values), self.stride
         kept = self.kept(samples)
         count = len(range(samples)[kept])
         if every == 1 or count == 0:
             return self.smooth(values)[kept]
-        # Its ends are odd, then still, as `smooth` has them.
+        # The ends are extended oddly, then by constants, as in `smooth`.
         pad, still = continued(samples, rate=self.rate, cutoff=self.cutoff), 3 * self.edge
         before = pad + still + -(pad + still + kept.start) % every
         instants = fft.next_fast_len(-(-(before + samples + pad + still) // every), real=True)
@@ -94,16 +94,16 @@ class LowPass:
         return found.reshape(count, *values.shape[1:])
 
     def kept(self, samples: int) -> slice:
-        """Which of `samples` are kept."""
+        """Slice of the samples that are kept, out of `samples`."""
         return slice(self.edge, max(self.edge, samples - self.edge), self.stride)
 
 
 @lru_cache(maxsize=64)
 def _gains(rate: float, cutoff: float, every: int, instants: int) -> Complex:
-    """What each of the `every` sequences of samples goes through, shape (`instants` // 2 + 1, `every`).
+    """Frequency response of each of the `every` polyphase branches, shape (`instants` // 2 + 1, `every`).
 
-    The sequence j has the samples m `every` + j of a circle of `instants` `every` samples; the sum of all is
-    the signal, filtered forward and backward, at the samples m `every`.
+    Branch j has the samples m `every` + j of a periodic signal of `instants` `every` samples; the sum over
+    branches is the signal, filtered forward and backward, at the samples m `every`.
     """
     length = instants * every
     warped = np.tan(np.arange(length // 2 + 1) * np.pi / length) / np.tan(np.pi * cutoff / rate)

@@ -146,7 +146,7 @@ class RippleData(Data):
                 start=zero,
                 free=np.array([one is not None for one in filters]),
                 bodies=(),
-                own=np.flatnonzero([one is not None for one in filters]),
+                gaussian=np.flatnonzero([one is not None for one in filters]),
                 positive=np.zeros(0, dtype=int),
                 size=_known(every[:fitted]),
                 centre=zero,
@@ -154,7 +154,7 @@ class RippleData(Data):
                 scale=zero,
                 beams=np.zeros(0, dtype=int),
             ),
-            filed=zero,
+            file_values=zero,
             designs=(),
             blocks=(),
             size=level,
@@ -251,7 +251,9 @@ class RippleData(Data):
             found = np.maximum(found, HIGHEST * one.motion.rate * travel / np.maximum(speed, 1e-12))
         return found
 
-    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
+    def candidates(
+        self, hypothesis: Hypothesis, parameters: Array, residual: Sequence[Array]
+    ) -> list[Candidate]:
         """One wave over position for each joint, but for those that the robot file has."""
         places, present = {}, {term.joint for term in hypothesis.terms}
         for k in np.flatnonzero(self.driven):
@@ -260,7 +262,7 @@ class RippleData(Data):
                 continue
             ratio = joint.actuator.gear_ratio if joint.actuator else 1.0
             extents = tuple(
-                extent_of(self._sight(run, int(k), own[:, k], ratio)) for run, own in enumerate(left)
+                extent_of(self._sight(run, int(k), own[:, k], ratio)) for run, own in enumerate(residual)
             )
             places[joint.name] = Place(extents, 0.0, driven=joint.actuator is not None)
         channels = {f"{name}.{end}" for name in places for end in ("position", "torque")}
@@ -283,14 +285,14 @@ class RippleData(Data):
         usual = np.array([np.median(own[seen]) if seen.any() else 0.0 for own, seen in zip(speed.T, known.T)])
         return np.asarray(2.0 * np.pi * self.every[0].slow / np.maximum(usual, 1e-12))
 
-    def _sight(self, run: int, k: int, left: Array, ratio: float) -> Sight:
+    def _sight(self, run: int, k: int, residual: Array, ratio: float) -> Sight:
         motion, kept = self.every[run].motion, self.kept(run)
         return Sight(
             time=motion.time[kept],
             position=self.every[run].position[kept, k],
             velocity=motion.velocity[kept, k],
             torque=self.every[run].torque[kept, k],
-            residual=left,
+            residual=residual,
             step=1.0 / motion.rate,
             cutoff=HIGHEST * motion.rate,
             gear_ratio=ratio,

@@ -141,5 +141,5 @@ def fast(robot: Robot, recording: Recording, slow: float) -> Fast | None:
     motion = JointMotion.of(robot, recording, band)
     torque = predicted(robot, motion).torque
     smooth = low_passed(np.nan_to_num(motion.torque), rate=motion.rate, cutoff=band.motion)
-    left = np.where(np.isfinite(motion.torque), (smooth - torque) * motion.shares, 0.0)
-    return Fast(robot, recording.source, motion, torque, left, slow, np.zeros(torque.shape[1]))
+    residual = np.where(np.isfinite(motion.torque), (smooth - torque) * motion.shares, 0.0)
+    return Fast(robot, recording.source, motion, torque, residual, slow, np.zeros(torque.shape[1]))

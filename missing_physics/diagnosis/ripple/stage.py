@@ -109,7 +109,7 @@ def _is_proven(found: Search[RippleData], known: Posterior, finding: Finding) ->
     less = [fit for fit in found.made.values() if {term.key for term in fit.hypothesis.terms} == rest]
     if not less:
         return False
-    unseen = ~found.data.seen
+    unseen = ~found.data.fitted_blocks
     before, after = (
         float(block_scores(found.data, fit, found.shares)[unseen].sum())
         for fit in (max(less, key=found.score), known.answer)

@@ -1,1 +1,1 @@
-"""Rows of torques: recordings in the band of the motion, and what each effect contributes there."""
+"""Rows of torques: recordings in the band of the motion, and the contribution of each effect to them."""

@@ -28,41 +28,41 @@ __all__ = ["KeptColumns", "added_to_bodies", "columns_of", "cut"]
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
 
-#: Rounds for a torque that makes up for an effect: on one side of zero, on the other, and to rounding; a lag,
-#: to the fourth power of its phase.
+#: Newton rounds for the torque with which an actuator compensates an effect: one on each side of zero and one
+#: for rounding. The error of a lag is then of the fourth order in its phase.
 SIDES = 3
-#: Part of an actuator's torque that is left at least when an effect takes its share.
+#: Least fraction of an actuator's torque that remains when an effect takes its share.
 LEAST = 0.05
-#: Place of the torque among the signals of a joint.
+#: Index of the torque among the signals of a joint.
 TORQUE = JointSignals.CHANNELS.index("torque")
-#: A torque counts as cut where at least this part of it is missing [-]: more than the law's corner takes.
+#: A torque counts as saturated where at least this fraction is missing [-]: more than at its rounded corner.
 CUT = 0.01
 
 
 @dataclass(frozen=True)
 class _Columns:
-    """Columns of a term along a recording, at the joints at which it acts; zero where nothing is compared.
+    """Columns of a term along a recording at the joints it affects; zero where nothing is compared.
 
     Attributes:
-        straight: linear numbers for which the first column holds, zero for others, shape (P,).
-        acts: the joints.
+        linear_values: of the parameters in the first column, zero for non-linear ones, shape (P,).
+        active: the joints.
         values: the columns, shape (K, a, 1 + P).
     """
 
-    straight: Array
-    acts: Places
+    linear_values: Array
+    active: Places
     values: Array
 
     @property
     def size(self) -> int:
-        """How many numbers they are."""
+        """Number of cached values."""
         return self.values.size
 
-    def moved(self, straight: Array) -> _Columns:
+    def moved(self, linear_values: Array) -> _Columns:
         """The columns for other values of the linear parameters, where all parameters are linear."""
         found = self.values.copy()
-        found[:, :, 0] += self.values[:, :, 1:] @ (straight - self.straight)
-        return _Columns(straight, self.acts, found)
+        found[:, :, 0] += self.values[:, :, 1:] @ (linear_values - self.linear_values)
+        return _Columns(linear_values, self.active, found)
 
 
 class KeptColumns:
@@ -79,7 +79,7 @@ class KeptColumns:
         self._kept = Kept[_Columns]()
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
-        """The joints at which a term acts, and its columns there, zero where nothing is compared.
+        """The joints that a term affects, and its columns there, zero where nothing is compared.
 
         Args:
             term: the effect.
@@ -93,15 +93,15 @@ class KeptColumns:
             self.prepare([term], run)
             kept = self._kept.get(_key(term, run))
             assert kept is not None
-        return kept.acts, kept.values
+        return kept.active, kept.values
 
     def prepare(self, terms: Sequence[Term], run: int) -> None:
-        """Cache the columns of several terms along one recording, which costs less than one at a time."""
+        """Cache the columns of several terms along one recording: cheaper than one at a time."""
         missing = {_key(term, run): term for term in terms if self._known(term, run) is None}
         made = _columns_of_each(tuple(missing.values()), self._runs[run], run)
-        for (key, term), (acts, values) in zip(missing.items(), made):
-            counted = self._runs[run].rows.counted[:, acts, None]
-            self._kept.keep(key, _Columns(_straight(term), acts, np.where(counted, values, 0.0)))
+        for (key, term), (active, values) in zip(missing.items(), made):
+            counted = self._runs[run].rows.counted[:, active, None]
+            self._kept.keep(key, _Columns(_linear_values(term), active, np.where(counted, values, 0.0)))
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
         """Sum of the torques of terms in one recording, zero where nothing is compared, shape (K, n)."""
@@ -111,8 +111,8 @@ class KeptColumns:
             if _is_at_joint(term, own) and not term.in_rows and self._known(term, run) is None:
                 fresh.append(term)
                 continue
-            acts, values = self.acting(term, run)
-            found[:, acts] += values[:, :, 0]
+            active, values = self.acting(term, run)
+            found[:, active] += values[:, :, 0]
         more = np.zeros_like(found)
         for k, values in _torques_of_each(fresh, own, run):
             more[:, k] += values
@@ -120,35 +120,35 @@ class KeptColumns:
         return np.where(own.rows.counted, found, 0.0)
 
     def _known(self, term: Term, run: int) -> _Columns | None:
-        """The columns of a term, where they are cached or follow from cached ones."""
-        kept, straight = self._kept.get(_key(term, run)), _straight(term)
-        if kept is None or np.array_equal(straight, kept.straight):
+        """The columns of a term if they are cached or follow from cached columns."""
+        kept, linear_values = self._kept.get(_key(term, run)), _linear_values(term)
+        if kept is None or np.array_equal(linear_values, kept.linear_values):
             return kept
-        if not all(map(term.is_linear, term.free)):  # derivatives by the others scale with these
+        if not all(map(term.is_linear, term.free)):  # other derivatives scale with linear parameters
             return None
-        return kept.moved(straight)
+        return kept.moved(linear_values)
 
 
 def _key(term: Term, run: int) -> tuple[object, ...]:
-    """Equal for terms that differ in their free linear parameters only."""
+    """Cache key, equal for terms that differ only in their free linear parameters."""
     free = {p.name for p in term.free}
     held = (p.name not in free or not term.is_linear(p) for p in term.effect.parameters)
     bent = tuple(v for v, is_held in zip(term.values, held) if is_held)
     return *term.key, term.run, bent, run, term.freed
 
 
-def _straight(term: Term) -> Array:
+def _linear_values(term: Term) -> Array:
     """Linear parameters of a term, zero for the others, shape (P,)."""
-    return np.array(term.straight)
+    return np.array(term.linear_values)
 
 
 def columns_of(term: Term, run: Run, number: int) -> Array:
-    """Contribution of a term to the measured torques in the band, and its derivatives.
+    """Contribution of a term to the measured torques in the band, and its derivatives by its parameters.
 
     Args:
         term: the effect.
         run: the recording.
-        number: of the recording; a term that acts in another recording only contributes nothing.
+        number: of the recording; a term of another recording contributes nothing.
 
     Returns:
         Shape (K, n, 1 + P): the contribution, then one column for each estimated parameter.
@@ -179,7 +179,7 @@ def _is_at_joint(term: Term, run: Run) -> bool:
 
 
 def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[Places, Array]]:
-    """Columns of several terms at the joints at which they act; those of joints are filtered together.
+    """Columns of several terms at the joints they affect; effects at joints are filtered together.
 
     Args:
         terms, run, number: see `columns_of`.
@@ -194,32 +194,32 @@ def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple
             assert isinstance(term.effect, JointEffect)
             full[i] = _joint(term, term.effect, run)
             if term.in_rows:
-                full[i][:, 0] = full[i][:, 1:] @ term.straight
+                full[i][:, 0] = full[i][:, 1:] @ term.linear_values
             continue
         columns = columns_of(term, run, number)
-        acts = np.flatnonzero(columns.any(axis=(0, 2)))
-        found[i] = acts, columns[:, acts]
+        active = np.flatnonzero(columns.any(axis=(0, 2)))
+        found[i] = active, columns[:, active]
     if full:
         joints = [_place(run, terms[i].at) for i in full]
         for i, k, own in zip(full, joints, run.reduce_each(joints, list(full.values()))):
-            acts = np.array([k] if own.any() else [], dtype=int)
-            found[i] = acts, own[:, None, :][:, : acts.size]
+            active = np.array([k] if own.any() else [], dtype=int)
+            found[i] = active, own[:, None, :][:, : active.size]
     is_body = [isinstance(term.effect, BodyEffect | StructureEffect) for term in terms]  # whitened already
     return [found[i] if own else _whitened(run, *found[i]) for i, own in enumerate(is_body)]
 
 
-def _whitened(run: Run, acts: Places, values: Array) -> tuple[Places, Array]:
-    """Columns at some joints as the rows are: without the vibration of links, which all joints feel."""
+def _whitened(run: Run, active: Places, values: Array) -> tuple[Places, Array]:
+    """Columns at some joints with the vibration of links, which acts on all joints, removed."""
     vibration = run.rows.vibration
-    if not vibration.taken.size or not acts.size:
-        return acts, values
+    if not vibration.taken.size or not active.size:
+        return active, values
     found = np.zeros((len(values), len(run.model.joints), values.shape[2]))
-    found[:, acts] = values
+    found[:, active] = values
     return np.arange(found.shape[1]), vibration.removed(found)
 
 
 def _torques_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[int, Array]]:
-    """Joint and first column there, shape (K,), of effects at joints that act in a recording."""
+    """Joint and torque there, shape (K,), of effects at joints that are present in a recording."""
     own = [term for term in terms if term.run in (None, number)]
     joints = [_place(run, term.at) for term in own]
     full = [_force(term, run)[:, None] for term in own]
@@ -240,7 +240,7 @@ def _place(run: Run, joint: str) -> int:
 
 
 def _force(term: Term, run: Run) -> Array:
-    """Torque that an effect takes from a joint's actuator, shape (N,)."""
+    """Torque of a joint's actuator that compensates an effect, shape (N,)."""
     assert isinstance(term.effect, JointEffect)
     k = _place(run, term.at)
     along = _along_joint(term, run, k)
@@ -250,7 +250,7 @@ def _force(term: Term, run: Run) -> Array:
 def _signals(
     term: Term, effect: JointEffect, run: Run, along: EffectAlong, k: int
 ) -> tuple[Array, Array | float]:
-    """Signals of joint k, shape (N, C), and how much the effect grows where the actuator makes up for it."""
+    """Signals of joint k, shape (N, C), and the factor by which the actuator's compensation scales it."""
     signals = run.signals(k)
     if effect.cuts_torque:
         signals = signals.copy()
@@ -263,14 +263,14 @@ def _signals(
                 own[:, TORQUE] = signals[:, TORQUE] - along.torque(own, term.parameters)
         return own, 1.0
     if effect.shares_torque and not term.in_rows:
-        return _made_up_for(term, signals, along)
+        return _compensated(term, signals, along)
     return signals, 1.0
 
 
-def _made_up_for(term: Term, signals: Array, along: EffectAlong) -> tuple[Array, Array]:
-    """Signals with the torque u of an actuator that makes up for the effect T, and du/d(u + T).
+def _compensated(term: Term, signals: Array, along: EffectAlong) -> tuple[Array, Array]:
+    """Signals with the torque u of an actuator that compensates the effect T, and du/d(u + T).
 
-    The motion needs u + T(u). T is linear in u on either side of zero, so that Newton's method ends there.
+    The motion needs u + T(u). T is linear in u on either side of zero, where Newton's method is exact.
     """
     needed, signals = signals[:, TORQUE].copy(), signals.copy()
     step = 1e-6 * max(float(np.abs(needed).max()), 1e-12)
@@ -292,7 +292,7 @@ def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
 
 
 def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
-    """The effect of a term along joint k from `Run.signals`, without the direction if it has states."""
+    """The effect of a term along joint k, driven by `Run.signals`; without the direction if it has states."""
     assert isinstance(term.effect, JointEffect)
     joint = run.model.robot.drives[k]
     bearing = joint.bearing
@@ -306,9 +306,9 @@ def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
 
 
 def cut(term: Term, run: Run, number: int) -> Array:
-    """Instants at which a term cuts the recorded torque of a joint, zero or one, shape (K, n).
+    """Instants at which a term saturates the recorded torque of a joint, zero or one, shape (K, n).
 
-    The torque above the limit does not act on the motion, so no hypothesis can predict it.
+    Torque above the limit has no effect on the motion, so no hypothesis can predict it.
     """
     found, effect = np.zeros_like(run.torque), term.effect
     if isinstance(effect, JointEffect) and effect.cuts_torque and term.run in (None, number):
@@ -319,10 +319,10 @@ def cut(term: Term, run: Run, number: int) -> Array:
 
 
 def added_to_bodies(term: Term, effect: BodyEffect, model: RobotModel) -> tuple[Places, Array, Array]:
-    """What a term adds to the inertial parameters of a model.
+    """Change of a model's inertial parameters by a term.
 
     Returns:
-        The parameters' places, shape (Q,); what is added, (Q,); and its derivatives, (Q, P).
+        Indices of the parameters, shape (Q,); their changes, (Q,); and derivatives of these, (Q, P).
     """
     free = [p.name for p in term.free]
     symbols = {name: ca.SX.sym(name) for name in term.parameters}
@@ -334,13 +334,13 @@ def added_to_bodies(term: Term, effect: BodyEffect, model: RobotModel) -> tuple[
         *(terms.inertia[i, j] for i, j in pairs),
         *(terms.gravity[k] for k in range(3)),
     ]
-    whole = ca.vertcat(*ten)
-    vector = ca.vertcat(*(symbols[name] for name in free))
-    function = ca.Function("body", [*symbols.values()], [whole, ca.jacobian(whole, vector)])
+    changes = ca.vertcat(*ten)
+    parameters = ca.vertcat(*(symbols[name] for name in free))
+    function = ca.Function("body", [*symbols.values()], [changes, ca.jacobian(changes, parameters)])
     value, jacobian = (np.array(ca.DM(one)) for one in function(*term.parameters.values()))
     names = [*(f"{term.at}.{number}" for number in BODY_NUMBERS), *(f"gravity.{axis}" for axis in "xyz")]
     known = model.inertial_names
-    if f"{term.at}.tip_mass" in known and terms.place is not None:  # sits at the tip of a link that bends
+    if f"{term.at}.tip_mass" in known and terms.place is not None:  # at the tip of a flexible link
         names = [f"{term.at}.tip_mass", *["" for _ in BODY_NUMBERS[1:]], *names[-3:]]
     places = np.array([known.index(name) if name in known else -1 for name in names])
     used = places >= 0
@@ -371,7 +371,7 @@ def _sensor(term: Term, effect: SensorEffect, run: Run) -> Array:
 
 
 def _gear(term: Term, effect: YieldingGear, run: Run) -> Array:
-    """Columns of a gear behind the motor's encoder: the joint's position is the motor's less the twist."""
+    """Columns of a gear behind the motor's encoder: joint position is motor position minus twist."""
     k, time = _place(run, term.at), run.motion.time
     rotor = float(run.along.inertial[run.model.inertial_names.index(f"{term.at}.reflected_inertia")])
     passed = run.needed[:, k] - rotor * run.motion.acceleration[:, k]

@@ -1,4 +1,4 @@
-"""Joints moved through a transmission, as places of effects in addition to the motors."""
+"""Effects at joints that are moved through a transmission, in addition to effects at the motors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def behind_motors(term: Term, effect: JointEffect, run: Run) -> Array:
-    """Columns of an effect at a joint of a transmission, in its motors' torques; see `columns.columns_of`."""
+    """Columns, in the motors' torques, of an effect at a joint of a transmission (`columns.columns_of`)."""
     moved = coupled_motion(run.along, run.needed)
     along, signals = moved.along(effect, term.at), moved.signals(term.at)
     force, jacobian = along.evaluate(signals, term.parameters, [p.name for p in term.free])
@@ -32,12 +32,12 @@ def behind_motors(term: Term, effect: JointEffect, run: Run) -> Array:
 def sights_behind(run: Run, residual: Array) -> Iterator[tuple[str, Sight]]:
     """The joints of transmissions in one recording.
 
-    A joint moved by a single motor is left out unless its bearing is described: all other effects at the
+    A joint moved by a single motor is skipped unless its bearing is given: all other effects at such a
     joint are equivalent to effects at the motor.
 
     Args:
         run: the recording.
-        residual: of the drives' torques at its rows, shape (K, n) [N m or N].
+        residual: of the drives' torques, shape (K, n) [N m or N].
     """
     model, motion = run.model, run.motion
     if not isinstance(model, DriveModel):

@@ -1,8 +1,8 @@
 """The rows of recorded torques.
 
-In addition to the columns of the standard model there are those of the timing: torque and position of one
-recording rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay
-of about a sample that all joints share is no physical effect. Each joint may have a further delay.
+In addition to the columns of the standard model there are those of delays. Torque and position of one
+recording rarely belong to the same instant (a held command, a filtered current, two buses), so a delay of
+about a sample common to all joints is no physical effect. Each joint may have an additional delay.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ __all__ = ["TorqueData"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Standard deviation of the prior of the delay that filters in the drive of a single joint make [s]: their
-#: cut-offs are some tens of Hz. Holds and buses make one of a sample at all joints.
+#: Standard deviation of the prior of a joint's additional delay, due to filters in its drive [s]: their
+#: cut-offs are some tens of Hz. Holds and buses delay all joints by about a sample.
 FILTER = 5e-3
-#: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
+#: Delays that differ by less count as equal [rad at the band's end]: the non-linearity is a thousandth.
 SAME = 0.05
 
 
@@ -51,11 +51,11 @@ SAME = 0.05
 class TorqueData(Data):
     """Rows of recorded torques, one channel for each joint.
 
-    The layout has the parameters of the standard model, followed by the timing of each joint; the size of a
-    channel is that of `Rows.scale`.
+    The layout has the parameters of the standard model, the common delay and the additional delay of each
+    joint. The size of a channel is that of `Rows.scale`.
 
     Attributes:
-        standard: the standard model about which everything is linearised.
+        standard: the standard model at which everything is linearised.
         runs: recordings, the fitted ones first.
     """
 
@@ -69,29 +69,34 @@ class TorqueData(Data):
         standard: StandardModel,
         recordings: Sequence[Recording],
         held_out: Sequence[Recording] = (),
-        beside: Information | None = None,
+        extra: Information | None = None,
     ) -> Self:
         """The rows of recordings in the band in which the standard model was fitted.
 
-        Where no recording is held out, a quarter of each one is (`held_out_windows`). Other channels may say
-        something of the bodies, `beside`.
+        Args:
+            standard: the fitted standard model.
+            recordings: those that are fitted.
+            held_out: held-out recordings; if empty, a quarter of each recording (`held_out_windows`).
+            extra: information on the bodies from other channels.
         """
         runs = runs_of(standard, (*recordings, *held_out))
         fitted = len(recordings)
         blocks = blocks_of([run.rows.counted for run in runs], fitted)
         squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
-        # A channel that is zero throughout has a scale, too.
+        # A channel that is zero throughout needs a scale, too.
         torque = np.maximum(torque, max(1e-9 * float(torque.max()), np.finfo(float).eps))
         step = 1.0 / runs[0].motion.sampling
         driven = np.any([run.driven for run in runs], axis=0)
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
-        layout = replace(layout, beside=beside)
-        filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
-        given = tuple(_given(standard.nominal, dict(zip(layout.names, filed))))
+        layout = replace(layout, extra=extra)
+        file_values = np.concatenate(
+            [_file_values(standard.nominal, runs[0].model), np.zeros(torque.size + 1)]
+        )
+        given = tuple(_given(standard.nominal, dict(zip(layout.names, file_values))))
         return cls(
             layout=layout,
-            filed=filed,
+            file_values=file_values,
             designs=_designs(runs),
             blocks=blocks,
             size=torque,
@@ -105,34 +110,34 @@ class TorqueData(Data):
             runs=runs,
         )
 
-    def about(self, numbers: Array) -> Self:
-        """The same rows, linearised about other parameters of the standard model and shifted by their delays.
+    def about(self, parameters: Array) -> Self:
+        """The same rows, linearised at other parameters of the standard model and shifted by their delays.
 
         Args:
-            numbers: shape (X,).
+            parameters: of the standard model, shape (X,).
         """
-        along, estimate = numbers.copy(), self.standard.estimate.values
-        for one in self.given:  # the friction that a law replaces, for the torque that the motion needs
+        along, estimate = parameters.copy(), self.standard.estimate.values
+        for one in self.given:  # keep the friction that a law replaces in the torque that the motion needs
             for name, value in one.held:
                 place = self.layout.names.index(name)
-                along[place] = estimate[place] if numbers[place] == value else numbers[place]
+                along[place] = estimate[place] if parameters[place] == value else parameters[place]
         runs = tuple(about(run, along) for run in self.runs)
         return replace(self, runs=runs, designs=_designs(runs))
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
-        """Those of `given` that the rows do not have."""
+        """The effects of `given` whose contribution is not yet subtracted from the rows."""
         return tuple(one for one in self.given if not one.term.in_rows)
 
     @property
     def about_numbers(self) -> Array:
-        """Parameters of the standard model about which the rows are linearised, shape (X,)."""
-        given = self.runs[0].numbers
-        return np.concatenate([given, np.zeros(self.filed.size - given.size)])
+        """Standard model parameters at which the rows are linearised, shape (X,)."""
+        given = self.runs[0].parameters
+        return np.concatenate([given, np.zeros(self.file_values.size - given.size)])
 
-    def with_bodies(self, numbers: Array, terms: Sequence[Term]) -> Array:
-        """Parameters of the standard model where bodies include what terms add to them, shape (X,)."""
-        found = numbers.copy()
+    def with_bodies(self, parameters: Array, terms: Sequence[Term]) -> Array:
+        """Standard model parameters with the contributions of terms added to the bodies, shape (X,)."""
+        found = parameters.copy()
         for term in terms:
             if isinstance(term.effect, BodyEffect):
                 places, added, _ = added_to_bodies(term, term.effect, self.runs[0].model)
@@ -144,13 +149,18 @@ class TorqueData(Data):
         return found
 
     def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
-        """Whether recordings linearised about the first parameters serve for the second, shape (X,) each.
+        """Whether rows linearised at the first parameters are valid at the second, shape (X,) each.
 
-        Torques are shifted by delays. A base and links that bend follow as the masses demand, and some
-        effects are driven by the torque that the motion needs: nearly alike where what differs changes the
-        torques by less than the noise and the model's own error.
+        The delays must be nearly equal. The motion of a free base and flexible links depends on the masses,
+        and some effects are driven by the torque that the motion needs. In these cases the difference must
+        change the torques by less than the noise and the error of any model.
         """
-        angle = 2.0 * np.pi * self.runs[0].motion.cutoff * np.abs(self.late(one) - self.late(other)).max()
+        angle = (
+            2.0
+            * np.pi
+            * self.runs[0].motion.cutoff
+            * np.abs(self.delays_of(one) - self.delays_of(other)).max()
+        )
         if angle >= SAME:
             return False
         driven = {t.at for t in terms if t.effect.uses_torque}
@@ -164,18 +174,18 @@ class TorqueData(Data):
 
     @property
     def follows(self) -> bool:
-        """Whether a free base or links that bend follow the joints, so that masses determine the motion."""
+        """Whether a free base or flexible links follow the joints, so that the motion depends on masses."""
         return self.runs[0].along.response is not None
 
     @property
     def bends(self) -> bool:
-        """Whether links bend, so that torques are not linear in the bodies."""
+        """Whether links are flexible, so that torques are not linear in the inertial parameters."""
         return self.runs[0].along.inner is not None
 
-    def late(self, numbers: Array) -> Array:
-        """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
-        first = self.filed.size - self.size.size - 1
-        return np.asarray(numbers[first] + numbers[first + 1 :])
+    def delays_of(self, parameters: Array) -> Array:
+        """Delay of each recorded torque for given standard model parameters [s], shape (n,)."""
+        first = self.file_values.size - self.size.size - 1
+        return np.asarray(parameters[first] + parameters[first + 1 :])
 
     @cached_property
     def terms(self) -> KeptColumns:
@@ -183,20 +193,20 @@ class TorqueData(Data):
         return KeptColumns(self.runs)
 
     def nominal(self, run: int) -> Array:
-        """Torques by the robot file in one recording, zero where nothing is compared, shape (K, n)."""
+        """Torques predicted by the robot file in one recording, zero where nothing is compared, (K, n)."""
         laws = [self.columns(one.term, run)[:, :, 0] for one in self.laws]
-        return np.asarray(sum(laws, self.designs[run] @ self.filed))
+        return np.asarray(sum(laws, self.designs[run] @ self.file_values))
 
     def target(self, run: int) -> Array:
-        """Torques predicted by the parameters, zero where nothing is compared, shape (K, n).
+        """Torques to be fitted, zero where nothing is compared, shape (K, n).
 
-        The recorded torques are already shifted by the delays about which the recording is linearised, so
-        the column of a delay contributes only its change.
+        The recorded torques are already shifted by the delays at which the recording is linearised; the
+        columns of the delays times these delays are added back.
         """
         if run not in self._targets:
-            own, first = self.runs[run], self.filed.size - self.size.size
-            late = self.designs[run][:, :, first:] @ own.delays
-            self._targets[run] = np.where(own.rows.counted, own.torque + late, 0.0)
+            own, first = self.runs[run], self.file_values.size - self.size.size
+            shift = self.designs[run][:, :, first:] @ own.delays
+            self._targets[run] = np.where(own.rows.counted, own.torque + shift, 0.0)
         return self._targets[run]
 
     @property
@@ -206,40 +216,42 @@ class TorqueData(Data):
 
     @property
     def width(self) -> float:
-        """Relative width of the prior of bodies that the standard model chose."""
+        """Relative width of the prior of bodies chosen in the fit of the standard model."""
         return self.standard.estimate.width
 
     @property
     def timing(self) -> tuple[str, ...]:
-        """Name of the delay that all torques share."""
+        """Name of the delay common to all torques."""
         return (TIMING,)
 
     @property
     def delays(self) -> tuple[str, ...]:
-        """Names of the further delays of single joints."""
+        """Names of the additional delays of single joints."""
         return tuple(f"{joint}.{TIMING}" for joint in self.joints)
 
     def time(self, run: int) -> Array:
-        """Of the rows of one recording [s], shape (K,)."""
+        """Times of the rows of one recording [s], shape (K,)."""
         return self.runs[run].rows.time
 
     def counted(self, run: int) -> Mask:
-        """Which rows of one recording are compared, shape (K, n)."""
+        """Mask of the rows of one recording that are compared, shape (K, n)."""
         return self.runs[run].rows.counted
 
-    def candidates(self, hypothesis: Hypothesis, numbers: Array, left: Sequence[Array]) -> list[Candidate]:
-        """What may be added to a hypothesis."""
+    def candidates(
+        self, hypothesis: Hypothesis, parameters: Array, residual: Sequence[Array]
+    ) -> list[Candidate]:
+        """Candidates that may be added to a hypothesis."""
         channels = frozenset.intersection(*(run.channels for run in self.runs))
-        coulomb = {j: float(numbers[self.layout.names.index(f"{j}.coulomb")]) for j in self.joints}
-        seen = [self.rows_seen(i) for i in range(self.fitted)]
-        where = places(self.robot, self.runs, seen, left, coulomb)
-        sigma = np.sqrt(np.sum([(own**2).sum(axis=0) for own in left], axis=0))
-        sigma = np.maximum(sigma / np.sqrt(max(sum(map(len, left)), 1)), self.error)
-        touched = at_links(self.robot, hypothesis, self.runs[: self.fitted], left, sigma)
+        coulomb = {j: float(parameters[self.layout.names.index(f"{j}.coulomb")]) for j in self.joints}
+        seen = [self.fitted_rows(i) for i in range(self.fitted)]
+        where = places(self.robot, self.runs, seen, residual, coulomb)
+        sigma = np.sqrt(np.sum([(own**2).sum(axis=0) for own in residual], axis=0))
+        sigma = np.maximum(sigma / np.sqrt(max(sum(map(len, residual)), 1)), self.error)
+        touched = at_links(self.robot, hypothesis, self.runs[: self.fitted], residual, sigma)
         return [*candidates(self.robot, hypothesis, where, channels, self.given), *touched]
 
     def cut(self, terms: Sequence[Term]) -> Array:
-        """Rows of each block and joint in which terms cut the recorded torque, shape (B, n)."""
+        """Number of rows of each block and joint in which terms saturate the torque, shape (B, n)."""
         found = np.zeros_like(self.counts)
         for term in terms:
             if term.effect.cuts_torque:
@@ -249,10 +261,10 @@ class TorqueData(Data):
 
     @cached_property
     def orders(self) -> Array:
-        """Angular orders of a wave over each joint's position that recordings tell apart, shape (n,).
+        """Number of distinguishable angular orders of a wave over each joint's position, shape (n,).
 
-        They differ by a cycle over its travel, and the highest one makes the end of the band at the median
-        speed; at least one.
+        Orders differ by one cycle over the travel; the highest one reaches the end of the band at the
+        median speed. At least one.
         """
         found = np.ones(self.size.size)
         for run in self.runs[: self.fitted]:
@@ -263,22 +275,24 @@ class TorqueData(Data):
 
     @property
     def start(self) -> Array:
-        """Parameters of the standard model as it was fitted, without delays, shape (X,)."""
+        """The fitted parameters of the standard model, with zero delays, shape (X,)."""
         return np.concatenate([self.standard.estimate.values, np.zeros(self.size.size + 1)])
 
 
 def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
     return tuple(
-        np.where(r.rows.counted[:, :, None], np.concatenate([design_of(r.rows), _late(r)], axis=2), 0.0)
+        np.where(
+            r.rows.counted[:, :, None], np.concatenate([design_of(r.rows), _delay_columns(r)], axis=2), 0.0
+        )
         for r in runs
     )
 
 
-def _late(run: Run) -> Array:
+def _delay_columns(run: Run) -> Array:
     """Derivatives of the torques by delays, the common one first: minus their rates, shape (K, n, 1 + n).
 
-    Dry friction is left out since it changes only where nothing is compared. Zero at undriven joints, whose
-    torque is known.
+    Dry friction is omitted since it changes only where nothing is compared. Zero at undriven joints, whose
+    torque is known to be zero.
     """
     time, joints = run.motion.time, len(run.model.joints)
     rate = -run.reduce(np.asarray(make_interp_spline(time, run.sliding, k=3)(time, 1))) * run.driven
@@ -299,7 +313,7 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
         start=np.concatenate([base.start, np.zeros(free.size)]),
         free=np.concatenate([base.free, free]).astype(bool),
         bodies=base.bodies,
-        own=np.concatenate([base.own, size + np.flatnonzero(free)]),
+        gaussian=np.concatenate([base.gaussian, size + np.flatnonzero(free)]),
         positive=base.positive,
         size=np.concatenate([base.size, width]),
         centre=np.concatenate([base.centre, np.zeros(free.size)]),
@@ -309,25 +323,25 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
     )
 
 
-def _given(robot: Robot, filed: Mapping[str, float]) -> Iterator[Candidate]:
-    """Effects of the robot file at joints of which the standard model has no parameters.
+def _given(robot: Robot, file_values: Mapping[str, float]) -> Iterator[Candidate]:
+    """Effects of the robot file at joints that are not in the standard model.
 
-    Friction laws, their modifiers and gears behind the only encoder, and what the rows have already (springs,
-    ripple), of which the linear parameters may be off.
+    Friction laws, their modifiers and gears behind the only encoder; and effects already subtracted from the
+    rows (springs, ripple), whose linear parameters may be wrong.
 
     Args:
         robot: nominal.
-        filed: parameters of the standard model by the robot file.
+        file_values: parameters of the standard model by the robot file.
     """
-    numbers = {effect for effect, _, _ in EFFECTS.values()}
+    parameters = {effect for effect, _, _ in EFFECTS.values()}
     joints = {drive.name for drive in robot.drives}
     counts = Counter((used.effect.id, used.at) for used in used_effects(robot))
     for used in used_effects(robot):
-        if used.effect.id in numbers or used.at not in joints:
+        if used.effect.id in parameters or used.at not in joints:
             continue
         if is_friction(used.effect):
             level = f"{used.at}.coulomb"
-            held = ((level, float(filed[level])),) if used.effect.family else ()
+            held = ((level, float(file_values[level])),) if used.effect.family else ()
             yield Candidate(Term.given(used.effect, used.at, used.parameters), held)
         elif isinstance(used.effect, YieldingGear):
             yield Candidate(Term.given(used.effect, used.at, used.parameters))
@@ -335,8 +349,8 @@ def _given(robot: Robot, filed: Mapping[str, float]) -> Iterator[Candidate]:
             yield Candidate(Term.given(used.effect, used.at, used.parameters, in_rows=True))
 
 
-def _filed(robot: Robot, model: RobotModel) -> Array:
-    """Parameters of the standard model by the robot file, shape (X,)."""
+def _file_values(robot: Robot, model: RobotModel) -> Array:
+    """Values of the standard model's parameters in the robot file, shape (X,)."""
     known = {effect: (kind, sign) for kind, (effect, _, sign) in EFFECTS.items()}
     friction = dict.fromkeys((f"{joint}.{kind}" for joint in model.joints for kind in FRICTION), 0.0)
     for used in used_effects(robot):

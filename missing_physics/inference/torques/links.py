@@ -1,9 +1,9 @@
-"""Columns of what is wrong with a link that bends: forces on its modes, and what joints feel of them.
+"""Columns of effects that change a flexible link: forces on its modes, and the resulting joint torques.
 
-With the changed link, the motion of the modes that was found with the link of the robot file leaves forces in
-the equations of base, joints and modes. The modes answer them with the stiffness and damping that the change
-gives them; what that changes in the velocities beyond is neglected (`missing_physics.evaluation.response`).
-Where what changes is a number of a beam, the motion of the modes is integrated again.
+The motion of the modes is computed with the link of the robot file. With the changed link, it leaves forces
+in the equations of base, joints and modes. The modes respond to them with the changed stiffness and damping;
+the further change of velocities is neglected (`missing_physics.evaluation.response`). If the effect changes a
+parameter of a beam, the motion of the modes is integrated again.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Unit:
-    """What one unit of an effect changes along one motion.
+    """Changes along one motion per unit of an effect's parameter.
 
     Attributes:
-        forces: that the recorded motion leaves in the equations, shape (N, rows).
-        stiffness, damping: of the modes, shape (s, s) each.
+        forces: residual of the equations of motion, shape (N, rows).
+        stiffness, damping: changes of the modes' matrices, shape (s, s) each.
     """
 
     forces: Array
@@ -43,9 +43,9 @@ class _Unit:
 
 
 def of_link(term: Term, effect: StructureEffect, run: Run) -> Array:
-    """Columns of an effect that reshapes a link, as `columns.columns_of` gives them.
+    """Columns of an effect that changes a flexible link, see `columns.columns_of`.
 
-    Where recordings are linearised about a number of a beam that the effect changes, they are linear in it.
+    If the recordings are linearised at a beam parameter that the effect changes, they are linear in it.
     """
     (p,) = effect.parameters
     value = term.parameters[p.name]
@@ -56,23 +56,23 @@ def of_link(term: Term, effect: StructureEffect, run: Run) -> Array:
         return np.stack([slope * value, slope] if term.free else [slope * value], axis=2)
     step = step_of(term, p)
     if place is not None:
-        whole, more = (_with_number(run, place, each) for each in (value, value + step))
+        first, second = (_with_beam_parameter(run, place, each) for each in (value, value + step))
     else:
         unit = _unit(run, effect, term.at)
-        whole, more = (_felt(run, unit, each) for each in (value, value + step))
-    columns = [whole, (more - whole) / step] if term.free else [whole]
+        first, second = (_joint_torques(run, unit, each) for each in (value, value + step))
+    columns = [first, (second - first) / step] if term.free else [first]
     return run.rows.vibration.removed(run.reduce(np.stack(columns, axis=2)))
 
 
-def _with_number(run: Run, place: int, value: float) -> Array:
-    """What joints feel of a number of a beam that is zero in the linearisation, shape (N, n)."""
+def _with_beam_parameter(run: Run, place: int, value: float) -> Array:
+    """Joint torques due to a beam parameter that is zero in the linearisation, shape (N, n)."""
     numbers = run.along.inertial.copy()
     numbers[place] = value
     return Along.of(run.model, run.motion, numbers).needed - run.along.needed
 
 
-def _felt(run: Run, unit: _Unit, value: float) -> Array:
-    """Torques at the joints, shape (N, n)."""
+def _joint_torques(run: Run, unit: _Unit, value: float) -> Array:
+    """Joint torques due to a value of an effect's parameter, shape (N, n)."""
     before = run.along.response
     assert before is not None
     response = before.with_elasticity(
@@ -106,7 +106,7 @@ def _made(run: Run, effect: StructureEffect, link: str) -> _Unit:
 
 @lru_cache
 def _changed(robot: Robot, effect: StructureEffect, link: str) -> RobotModel:
-    """The model with a typical change."""
+    """The model with a typical value of the effect's parameter."""
     (p,) = effect.parameters
     values = {p.name: p.typical}
     other = effect.changed(robot, link, values)

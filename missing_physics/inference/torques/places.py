@@ -1,4 +1,4 @@
-"""The joints as candidates see them: the range that recordings cover there and the residual of a fit."""
+"""Data about each joint from which candidates start: the range covered and the residual of a fit."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ Array = NDArray[np.float64]
 def places(
     robot: Robot,
     every: Sequence[Run],
-    seen: Sequence[NDArray[np.bool_]],
-    left: Sequence[Array],
+    fitted_rows: Sequence[NDArray[np.bool_]],
+    residual: Sequence[Array],
     coulomb: Mapping[str, float],
 ) -> dict[str, Place]:
-    """Joints whose torque is compared, as candidates see them.
+    """Joints whose torque is compared, with the data from which candidates start.
 
     Args:
         robot: nominal.
         every: recordings, the fitted ones first.
-        seen: which rows of the fitted ones are fitted, shape (K,) each.
-        left: residuals, zero where nothing is fitted, shape (K, n) each [N m or N].
-        coulomb: Coulomb friction of each joint by the hypothesis [N m or N].
+        fitted_rows: mask of the fitted rows of each fitted recording, shape (K,) each.
+        residual: of each fitted recording, zero where nothing is fitted, shape (K, n) each [N m or N].
+        coulomb: Coulomb friction of each joint in the hypothesis [N m or N].
     """
     found: dict[str, Place] = {}
-    runs = every[: len(seen)]
+    runs = every[: len(fitted_rows)]
     driven = {drive.name for drive in robot.drives if drive.actuator is not None}
     for k, joint in enumerate(robot.drives):
-        if not any(run.rows.counted[rows, k].any() for run, rows in zip(runs, seen)):
+        if not any(run.rows.counted[rows, k].any() for run, rows in zip(runs, fitted_rows)):
             continue
         sights = []
         for i, run in enumerate(runs):
@@ -48,7 +48,7 @@ def places(
                     position=run.motion.position[kept][:, k],
                     velocity=run.motion.velocity[kept][:, k],
                     torque=run.needed[kept][:, k],
-                    residual=left[i][:, k],
+                    residual=residual[i][:, k],
                     step=1.0 / run.motion.sampling,
                     cutoff=run.motion.cutoff,
                     gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
@@ -61,7 +61,7 @@ def places(
         )
     behind: dict[str, list[Sight]] = {}
     for i, run in enumerate(runs):
-        for name, sight in sights_behind(run, left[i]):
+        for name, sight in sights_behind(run, residual[i]):
             behind.setdefault(name, []).append(sight)
     for name, own in behind.items():
         found[name] = Place(tuple(extent_of(sight) for sight in own), 0.0, driven=False, coupled=True)

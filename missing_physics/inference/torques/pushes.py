@@ -1,4 +1,4 @@
-"""Columns of what pushes on a body: joints feel it, and a free base gives way."""
+"""Columns of forces on a body: they act on the joints and move a free base."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 
 
 def on_body(term: Term, effect: ForceEffect, run: Run) -> Array:
-    """Columns of an effect that pushes on a body, as `columns.columns_of` gives them, not yet whitened.
+    """Columns of a force on a body, see `columns.columns_of`; not yet whitened.
 
-    Its wrench is that along the motion of the body without it, and a free base follows it to first order
+    Its wrench is computed along the motion without it; a free base responds to it to first order
     (`missing_physics.evaluation.response`).
     """
     signals, spread = (_base(run), np.eye(6)) if term.at == "base" else run.body(term.at)
@@ -42,7 +42,7 @@ def on_body(term: Term, effect: ForceEffect, run: Run) -> Array:
 
 
 def _base(run: Run) -> BodySeries:
-    """How the base moves; it stays about where the robot file puts it."""
+    """Motion of the base; its position is taken as that of the robot file."""
     base, time = run.along.base, run.motion.time
     assert base is not None
     home = np.broadcast_to(np.asarray(run.model.robot.base.position, dtype=float), (time.size, 3))

@@ -1,4 +1,4 @@
-"""Recordings as the inference sees them: motion, dynamics and rows in the band of the standard model."""
+"""Recordings prepared for the inference: motion, dynamics and rows in the band of the standard model."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Run:
-    """One recording, linearised about a standard model; N samples, K rows of the band, n joints.
+    """One recording, linearised at parameters of the standard model; N samples, K rows of the band, n joints.
 
     Attributes:
         model: of the robot without friction.
         along: its dynamics along the recorded motion.
-        rows: what is compared.
-        torque: recorded torques less those of the robot's other effects, corrected for the delays in
-            `numbers`, in the band, shape (K, n).
+        rows: of the regression.
+        torque: recorded torques minus those of the robot's other effects, corrected for the delays in
+            `parameters`, in the band, shape (K, n).
         acting: recorded torques at full rate, corrected for the delays, shape (N, n); zero where none is
             recorded.
-        numbers: parameters of the standard model, shape (X,).
+        parameters: of the standard model, shape (X,).
         friction: of the standard model at each joint, as a force on it, shape (N, n) [N m or N].
-        needed: torque by the standard model, shape (N, n).
+        needed: torque that the motion needs by the standard model, shape (N, n).
         channels: recorded channels.
         temperature: of the joints [K], shape (N, n).
-        laws: friction of the robot file at joints where it also has what multiplies it.
+        laws: friction laws of the robot file at joints where it also has modifiers of friction.
     """
 
     model: RobotModel
@@ -56,7 +56,7 @@ class Run:
     rows: Rows
     torque: Array
     acting: Array
-    numbers: Array
+    parameters: Array
     friction: Array
     needed: Array
     channels: frozenset[str]
@@ -69,15 +69,17 @@ class Run:
         return self.along.motion
 
     def reduce(self, values: Array) -> Array:
-        """Torques at all joints, (N, n, ...), weighted as the rows and reduced to the band, (K, n, ...)."""
-        acts = np.flatnonzero(values.any(axis=(0, *range(2, values.ndim))))  # the legs that do not move
-        shares = self.rows.shares[:, acts].reshape(len(values), acts.size, *[1] * (values.ndim - 2))
+        """Weight torques at all joints like the rows and reduce them, (N, n, ...) to (K, n, ...)."""
+        active = np.flatnonzero(
+            values.any(axis=(0, *range(2, values.ndim)))
+        )  # skip joints that are zero throughout
+        shares = self.rows.shares[:, active].reshape(len(values), active.size, *[1] * (values.ndim - 2))
         kept = np.zeros_like(values[self.motion.kept])
-        kept[:, acts] = self.motion.reduce(values[:, acts] * shares)
+        kept[:, active] = self.motion.reduce(values[:, active] * shares)
         return kept
 
     def reduce_at(self, k: int, values: Array) -> Array:
-        """Torques at joint k, (N, C), smoothed, weighted as its torque and reduced to the band, (K, C)."""
+        """Smooth torques at joint k, weight them like its rows and reduce them, (N, C) to (K, C)."""
         return self.reduce_each([k], [values])[0]
 
     def reduce_each(self, joints: Sequence[int], values: Sequence[Array]) -> list[Array]:
@@ -96,49 +98,49 @@ class Run:
         """Change of the torques for C small changes of joint k's motion, (N, C); shape (N, n, C)."""
         spline = make_interp_spline(self.motion.time, series, k=5)
         bent = series, spline(self.motion.time, 1), spline(self.motion.time, 2)
-        acts = np.flatnonzero(np.any([m[:, :, k].any(axis=0) for m in self._jacobians], axis=0))
+        active = np.flatnonzero(np.any([m[:, :, k].any(axis=0) for m in self._jacobians], axis=0))
         rows = np.zeros((len(series), self._jacobians[0].shape[1], series.shape[1]))
         for matrix, one in zip(self._jacobians, bent):
-            rows[:, acts] += matrix[:, acts, k, None] * one[:, None, :]
+            rows[:, active] += matrix[:, active, k, None] * one[:, None, :]
         found = self.along.at_joints(rows)
         found[:, k] += self._viscous[k] * bent[1]
         return found
 
     def body(self, link: str) -> tuple[BodySeries, Array]:
-        """How a rigid link moves, and what a wrench on it does to all rows (`RobotModel.body_motion`)."""
+        """Motion of a rigid link, and the map from a wrench on it to all rows (`RobotModel.body_motion`)."""
         if link not in self._bodies:
             self._bodies[link] = self.along.body(link)
         return self._bodies[link]
 
-    def seen(self, link: str) -> tuple[Array, Array, Array]:
-        """Position and rotation of a rigid link's frame at the rows, and forces at joints of a wrench there.
+    def link_at_rows(self, link: str) -> tuple[Array, Array, Array]:
+        """Position and rotation of a rigid link's frame at the rows, and joint forces per wrench there.
 
         Shapes (K, 3), (K, 3, 3) and (K, n, 6).
         """
-        if link not in self._seen:
+        if link not in self._links_at_rows:
             (series, spread), kept = self.body(link), self.motion.kept
-            felt = self.along.at_joints(spread)[kept]
-            self._seen[link] = series.position[kept], series.rotation[kept], felt
-        return self._seen[link]
+            joint_forces = self.along.at_joints(spread)[kept]
+            self._links_at_rows[link] = series.position[kept], series.rotation[kept], joint_forces
+        return self._links_at_rows[link]
 
     @cached_property
     def _bodies(self) -> dict[str, tuple[BodySeries, Array]]:
         return {}
 
     @cached_property
-    def _seen(self) -> dict[str, tuple[Array, Array, Array]]:
+    def _links_at_rows(self) -> dict[str, tuple[Array, Array, Array]]:
         return {}
 
     @cached_property
     def reshaped(self) -> dict[tuple[str, str], object]:
-        """What one unit of effects that reshape links changes along the motion, kept by `links`."""
+        """Cache of `links`: changes along the motion per unit of effects that change flexible links."""
         return {}
 
     @property
     def delays(self) -> Array:
-        """Delays of the recorded torques by `numbers` [s], shape (n,)."""
+        """Delays of the recorded torques in `parameters` [s], shape (n,)."""
         joints = len(self.model.joints)
-        return _delays(self.numbers[len(self.model.inertial_names) + joints * len(FRICTION) :], joints)
+        return _delays(self.parameters[len(self.model.inertial_names) + joints * len(FRICTION) :], joints)
 
     @property
     def driven(self) -> NDArray[np.bool_]:
@@ -153,7 +155,7 @@ class Run:
     @property
     def _viscous(self) -> Array:
         first, joints = len(self.model.inertial_names), len(self.model.joints)
-        return self.numbers[first : first + joints * len(FRICTION)].reshape(joints, -1)[:, 0]
+        return self.parameters[first : first + joints * len(FRICTION)].reshape(joints, -1)[:, 0]
 
     @cached_property
     def _jacobians(self) -> tuple[Array, Array, Array]:
@@ -193,14 +195,14 @@ class Run:
         assert len(columns) == 1 + len(JointSignals.CHANNELS)
         found, joint = np.column_stack(columns), self.model.robot.drives[k]
         own = [law for law in self.laws if law.at == joint.name]
-        if own:  # a file's modifier multiplies the laws of the file
+        if own:  # modifiers of the file multiply the file's friction laws
             forces = [force_of(law, joint, found[:, :-1], motion, k) for law in own]
             found[:, JointSignals.CHANNELS.index("friction")] = np.sum(forces, axis=0)
         return found
 
 
 def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
-    """The recordings in the band in which the standard model was fitted, linearised about that model."""
+    """The recordings in the band in which the standard model was fitted, linearised at its estimate."""
     model = model_of(without_friction(standard.nominal))
     found, laws = [], tuple(_modified(standard.nominal))
     for recording in recordings:
@@ -216,7 +218,7 @@ def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[R
 
 
 def _modified(robot: Robot) -> Iterator[UsedEffect]:
-    """Friction laws of the robot file at joints where it also has what multiplies them."""
+    """Friction laws of the robot file at joints where it also has modifiers of friction."""
     every = [(one, one.effect) for one in used_effects(robot)]
     joints = {one.at for one, effect in every if effect.is_modifier}
     for one, effect in every:
@@ -231,32 +233,32 @@ def _run_about(
     channels: frozenset[str],
     temperature: Array,
     laws: tuple[UsedEffect, ...],
-    numbers: Array,
+    parameters: Array,
 ) -> Run:
-    """One recording, linearised about a standard model.
+    """One recording, linearised at parameters of the standard model.
 
     Args:
         model, motion, rows, channels, temperature, laws: see `Run`.
-        numbers: parameters of the standard model, followed by the delays of the torque, shape (X,).
+        parameters: of the standard model, followed by the delays of the torque, shape (X,).
     """
     count, joints = len(model.inertial_names), len(model.joints)
-    inertial = numbers[:count].copy()
+    inertial = parameters[:count].copy()
     inertial[-3:] = inertial_with_effects(model)[-3:]
     along = Along.of(model, motion, inertial)
     if along.response is not None and rows.measured.any(axis=0).all():
         rows = taken_about(rows, along)
-    viscous, coulomb, offset = numbers[count : count + joints * len(FRICTION)].reshape(joints, -1).T
+    viscous, coulomb, offset = parameters[count : count + joints * len(FRICTION)].reshape(joints, -1).T
     friction = -(viscous * motion.velocity + coulomb * motion.direction)
-    delays = _delays(numbers[count + joints * len(FRICTION) :], joints)
+    delays = _delays(parameters[count + joints * len(FRICTION) :], joints)
     smooth = motion.smooth_torque
-    change = np.nan_to_num(_earlier(motion, smooth, delays) - smooth)
+    change = np.nan_to_num(_advanced(motion, smooth, delays) - smooth)
     return Run(
         model=model,
         along=along,
         rows=rows,
         torque=rows.torque + rows.vibration.removed(motion.reduce(change * rows.shares)),
-        acting=np.nan_to_num(_earlier(motion, motion.torque, delays)),
-        numbers=numbers,
+        acting=np.nan_to_num(_advanced(motion, motion.torque, delays)),
+        parameters=parameters,
         friction=friction,
         needed=along.needed + offset - friction,
         channels=channels,
@@ -265,13 +267,13 @@ def _run_about(
     )
 
 
-def about(run: Run, numbers: Array) -> Run:
-    """The same recording, linearised about other parameters of the standard model."""
-    return _run_about(run.model, run.motion, run.rows, run.channels, run.temperature, run.laws, numbers)
+def about(run: Run, parameters: Array) -> Run:
+    """The same recording, linearised at other parameters of the standard model."""
+    return _run_about(run.model, run.motion, run.rows, run.channels, run.temperature, run.laws, parameters)
 
 
-def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:
-    """Series of every joint, corrected for delays, shape (N, n)."""
+def _advanced(motion: BandMotion, values: Array, delays: Array) -> Array:
+    """Series of every joint, advanced by its delay, shape (N, n)."""
     found = values.copy()
     for k in np.flatnonzero(delays):
         if np.isfinite(values[:, k]).all():
@@ -280,9 +282,9 @@ def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:
     return found
 
 
-def _delays(numbers: Array, joints: int) -> Array:
-    """Delay of each joint: the common one plus the joint's further delay [s], shape (n,)."""
-    return np.asarray(numbers[0] + numbers[1:]) if numbers.size else np.zeros(joints)
+def _delays(parameters: Array, joints: int) -> Array:
+    """Delay of each joint: the common delay plus the joint's additional one [s], shape (n,)."""
+    return np.asarray(parameters[0] + parameters[1:]) if parameters.size else np.zeros(joints)
 
 
 def _series(recording: Recording, channel: str, time: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Candidates at rigid links: effects that act where a point of the link is, such as a wall in its way."""
+"""Candidates at rigid links: forces that depend on the position of a point of the link, such as walls."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ __all__ = ["at_links"]
 
 Array = NDArray[np.float64]
 
-#: Samples of a recording that are looked at, evenly spaced; a contact of a hundredth of it has ten.
+#: Evenly spaced samples of a recording that are used; a contact over a hundredth of it has ten.
 SAMPLES = 1000
-#: Most starting values of all links together, and how the components of a direction are called.
+#: Most starting values over all links, and the prefix of the names of a direction's components.
 STARTS, NORMAL = 4, "normal_"
 
 
 def at_links(
-    robot: Robot, hypothesis: Hypothesis, runs: Sequence[Run], left: Sequence[Array], sigma: Array
+    robot: Robot, hypothesis: Hypothesis, runs: Sequence[Run], residual: Sequence[Array], sigma: Array
 ) -> list[Candidate]:
-    """Candidates at rigid links, with the starting values of each that explain most.
+    """Candidates at rigid links, with the starting values that explain most of the residual.
 
     Args:
         robot: nominal.
         hypothesis: to which effects are added.
         runs: fitted recordings.
-        left: residual of each, zero where nothing is fitted, shape (K, n) [N m or N].
-        sigma: its rms at each joint, shape (n,) [N m or N].
+        residual: of each recording, zero where nothing is fitted, shape (K, n) [N m or N].
+        sigma: rms of the residual at each joint, shape (n,) [N m or N].
     """
     if not knows_links(robot):
         return []
@@ -47,16 +47,16 @@ def at_links(
         for link in robot.links:
             if (effect.id, link.name) in present or not _is_moved(robot, link):
                 continue
-            for share, start in effect.starts_along(_sight(robot, link, runs, left, sigma)):
+            for share, start in effect.starts_along(_sight(robot, link, runs, residual, sigma)):
                 found.append((share, _term(effect, link, start)))
     best = sorted(found, key=lambda one: -one[0])[:STARTS]
     return [Candidate(term) for _, term in best]
 
 
 def _term(effect: ForceEffect, link: Link, start: Mapping[str, float]) -> Term:
-    """The effect with all that locates it estimated, but for the longest component of a normal.
+    """The effect with all parameters that locate it estimated, except the longest component of a normal.
 
-    Each of these numbers could have many values, and is as improbable as another effect.
+    Each of these parameters could have many values, and costs the prior odds of another effect.
     """
     begin = {p.name: p.absent if p.linear and p.absent is not None else p.typical for p in effect.estimated}
     longest = max((name for name in effect.located if name.startswith(NORMAL)), key=lambda n: abs(start[n]))
@@ -71,17 +71,19 @@ def _is_moved(robot: Robot, link: Link) -> bool:
 
 
 def _points(robot: Robot, link: Link) -> Array:
-    """Of a link that may touch something: where joints are, its centre of mass, and its far end."""
+    """Points of a link that may touch something: its joints, its centre of mass, and its far end, (M, 3)."""
     centre = np.array(link.center_of_mass)
     joints = [j.origin for j in robot.joints if j.parent == link.name]
     return np.array([np.zeros(3), centre, 2.0 * centre, *joints])
 
 
-def _sight(robot: Robot, link: Link, runs: Sequence[Run], left: Sequence[Array], sigma: Array) -> BodySight:
+def _sight(
+    robot: Robot, link: Link, runs: Sequence[Run], residual: Sequence[Array], sigma: Array
+) -> BodySight:
     places, turns, spreads, forces = [], [], [], []
-    for run, own in zip(runs, left):
+    for run, own in zip(runs, residual):
         some = np.arange(len(own))[:: max(len(own) // SAMPLES, 1)]
-        place, turn, spread = run.seen(link.name)
+        place, turn, spread = run.link_at_rows(link.name)
         places.append(place[some])
         turns.append(turn[some])
         spreads.append(spread[some] / sigma[:, None])

@@ -1,1 +1,1 @@
-"""Channels: their names, raw variables, noise and resolution, fewer samples."""
+"""Channels: names, raw variables, noise and resolution, decimation."""

@@ -1,4 +1,4 @@
-"""Fewer samples of a recording, behind a filter against what they cannot carry.
+"""Decimation of a recording, with an anti-alias filter.
 
 The filter is of finite length and symmetric, so that it has no delay; it passes frequencies below 0.8 of half
 the new rate and attenuates by 80 dB from half the new rate on (Kaiser window). It is the same for all
@@ -21,13 +21,13 @@ __all__ = ["PASSES", "decimated", "decimation_of"]
 
 Array = NDArray[np.float64]
 
-#: Part of half the new rate up to which the filter passes, middle of its edge, and its length [new samples].
+#: Filter: passband and middle of the edge as fractions of half the new rate, and length [new samples].
 PASSES, EDGE, LENGTH = 0.8, 0.9, 26
-#: Of the Kaiser window: 80 dB.
+#: Shape parameter of the Kaiser window, for an attenuation of 80 dB.
 BETA = 7.86
-#: A gap of more than this many sample times cuts a recording, and is left as it is.
+#: A gap of more than this many sampling times cuts a recording, and is kept.
 GAP = 10.0
-#: Relative jitter of the sample time above which samples are interpolated onto even instants first.
+#: Relative jitter of the sampling time above which samples are first interpolated onto even instants.
 JITTER = 1e-3
 FEWEST = 4
 
@@ -38,7 +38,7 @@ def decimation_of(recording: Recording, most: int, *, rate: float | None = None)
     Args:
         recording: the one that is too long.
         most: largest number of samples.
-        rate: wanted rate instead [Hz], to the nearest whole factor.
+        rate: wanted rate instead [Hz], to the nearest integer factor.
 
     Raises:
         InputError: at the wanted rate there are more than `most`.
@@ -56,11 +56,11 @@ def decimation_of(recording: Recording, most: int, *, rate: float | None = None)
 
 
 def decimated(recording: Recording, factor: int) -> Recording:
-    """The recording with one of `factor` samples, filtered.
+    """The filtered recording with every `factor`-th sample.
 
-    A channel with a separate clock that is slower than the new rate keeps its numbers, each moved to the
-    nearest of the new instants along the curve through them, and so does its noise. Of others, noise and
-    steps that were stated become the noise that the filter leaves, without steps.
+    A channel with a separate clock that is slower than the new rate keeps its values and noise; each value is
+    interpolated at the nearest new instant. For other channels, stated noise and resolution become the noise
+    after the filter.
     """
     if factor <= 1:
         return recording
@@ -103,7 +103,7 @@ def _grid(time: Array, period: float) -> Array:
 
 
 def _kept(time: Array, values: Array, grid: Array, factor: int, taps: Array) -> Array:
-    """One channel over one stretch, at every so many of the even instants."""
+    """One channel over one stretch, at every `factor`-th of the even instants."""
     good = np.isfinite(values)
     at = grid[::factor]
     if good.sum() < FEWEST:

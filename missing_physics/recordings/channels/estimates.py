@@ -1,4 +1,4 @@
-"""Noise and resolution of channels, from the numbers alone."""
+"""Noise and resolution of channels, estimated from their values."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Most samples that are used; from a longer recording, blocks spread over it.
+#: Most samples that are used; of a longer recording, blocks spread over it.
 MOST_SAMPLES = 200_000
 #: Number of blocks in that case.
 BLOCKS = 20
 #: A normal distribution's standard deviation per median absolute deviation.
 SIGMA_PER_MAD = 1.4826
-#: Neighbours on each side from which a sample is predicted. Few follow fast motion badly, many need
-#: smooth motion over a longer stretch; the smallest residual is nearest to the noise.
+#: Neighbours on each side from which a sample is predicted. Few predict fast motion poorly, many need
+#: smooth motion over a longer stretch; the smallest residual is closest to the noise.
 HALF_WIDTHS = (1, 2, 3)
-#: A channel has a separate clock where it has a number at every second sample or less, and evenly: part of
-#: its steps that must differ by less than this from the usual one; and the fewest numbers that suffice.
+#: A channel has a separate clock if it has a value at every second sample or less often, and evenly: fraction
+#: of its steps that must be near the usual one, their tolerance, and the fewest values that suffice.
 OWN_CLOCK, UNEVEN, MOSTLY, FEWEST = 1.5, 0.5, 0.9, 10
 #: Part of the steps that must be whole multiples of the smallest for a channel to count as quantised.
 WHOLE = 0.98
-#: How far from a whole multiple a step may be, in steps.
+#: Largest deviation of a step from an integer multiple, in steps.
 OFF_GRID = 0.05
 #: Values between which the encoder of a resting joint flickers.
 LEVELS_AT_REST = 3
@@ -49,8 +49,8 @@ LARGEST_MULTIPLE = 1000.0
 def estimate_noise(recording: Recording) -> dict[str, float]:
     """Standard deviation of the white noise in each channel, in its unit.
 
-    What the recording itself states is taken over. Else every sample is predicted from its neighbours by
-    the polynomial through them (Lagrange, at the actual instants, so that jitter does no harm); the median
+    Values stated in the recording take precedence. Otherwise every sample is predicted from its neighbours by
+    the polynomial through them (Lagrange, at the actual instants, so jitter has no influence); the median
     absolute residual, scaled to a normal distribution and divided by sqrt(1 + sum of squared weights), is
     the noise. It is at least resolution/sqrt(12). Noise that was filtered before it was recorded is
     underestimated. A channel with too few numbers has NaN.
@@ -59,9 +59,9 @@ def estimate_noise(recording: Recording) -> dict[str, float]:
 
 
 def estimate_resolution(recording: Recording) -> dict[str, float]:
-    """Smallest step of each channel, in its unit; channels that are not quantised are left out.
+    """Smallest step of each channel, in its unit; channels that are not quantised are skipped.
 
-    What the recording itself states is taken over.
+    Values stated in the recording take precedence.
     """
     found = {name: resolution_of(recording, name) for name in recording}
     return {name: step for name, step in found.items() if step > 0}
@@ -85,7 +85,7 @@ def noise_of(recording: Recording, channel: str) -> float:
         return stated
     time, values = recording.time, recording[channel]
     good = np.isfinite(values)
-    # with a separate clock the neighbours are its present numbers
+    # With a separate clock the neighbours are its existing values.
     if good.mean() < 0.5 or sample_time_of(time, good):
         time, values = time[good], values[good]
     time, values = _thinned(time, values)
@@ -96,11 +96,11 @@ def noise_of(recording: Recording, channel: str) -> float:
 
 
 def sample_time_of(time: Array, good: NDArray[np.bool_]) -> float:
-    """Sample time [s] of a channel with a separate clock; 0 where it has numbers at most instants.
+    """Sampling time [s] of a channel with a separate clock; 0 if it has values at most instants.
 
     Args:
         time: [s], shape (N,).
-        good: where it has numbers, shape (N,).
+        good: mask of its values, shape (N,).
     """
     at = np.flatnonzero(good)
     if at.size < FEWEST or float(np.median(np.diff(at))) < OWN_CLOCK:
@@ -139,11 +139,11 @@ def interpolation_residual(time: Array, values: Array, *, half_width: int) -> Ar
 
 
 def smallest_step(values: Array) -> float:
-    """The step of which all differences between levels are multiples; 0 when there is none."""
+    """The step of which all differences between levels are multiples; 0 if there is none."""
     levels = np.unique(values[np.isfinite(values)])
     if levels.size < 2:
         return 0.0
-    # Equal values that went through a product differ in their last bits.
+    # Equal values may differ in their last bits after a multiplication.
     rounding = 64 * np.finfo(np.float64).eps * max(abs(levels[0]), abs(levels[-1]))
     steps = np.diff(levels)
     steps = steps[steps > rounding]

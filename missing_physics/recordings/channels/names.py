@@ -13,14 +13,14 @@ __all__ = ["check_native", "is_dotted", "is_native", "listed", "misspelt", "plac
 
 #: A place may begin with a digit (`3dof.position`), but a number such as 1.5e-3 is no name.
 _DOTTED = re.compile(r"(?:[^\W\d]|\d(?=[\w-]*\.[^\W\d]))[\w-]*(\.[\w-]+){1,2}")
-#: Similarity from which an unknown quantity is taken for a misspelt known one.
+#: Minimum similarity of an unknown quantity that is treated as a misspelt known one.
 _MISSPELT = 0.8
-#: Similarity from which the user is asked.
+#: Minimum similarity for which the user is asked.
 _ALIKE = 0.5
 
 
 def quantity_of(channel: str) -> str:
-    """``position`` of ``joint1.position``; empty where there is none."""
+    """``position`` of ``joint1.position``; empty if there is none."""
     parts = channel.split(".")
     return parts[1] if len(parts) > 1 else ""
 
@@ -41,7 +41,7 @@ def is_native(name: str) -> bool:
 
 
 def misspelt(name: str) -> str | None:
-    """The native name that `name` nearly is; None when it is native or nothing like it."""
+    """The native name to which `name` is similar; None if it is native or not similar to any."""
     if not is_dotted(name) or is_native(name):
         return None
     near = _near(quantity_of(name), _MISSPELT)

@@ -30,12 +30,12 @@ class Raw:
     """Named arrays of one file.
 
     Attributes:
-        source: the file, for people.
+        source: displayed name of the file.
         variables: name to array of any shape; fields of structures are flattened with dots
             (``rec.act_pos_mot_deg``). Numbers, booleans, text and instants (``datetime64[ns]``) occur.
         names: all names in the file, read or not.
-        first_row: number a person would give the first sample: 2 below a header row, else 1.
-        noise, resolution: of native channels, where the file says so.
+        first_row: displayed row number of the first sample: 2 below a header row, else 1.
+        noise, resolution: of native channels, if stated in the file.
         unnamed: why the file has no `time` although it has instants, as the end of a sentence that begins
             with the file's name, without its full stop.
         objects: variables that only the program that wrote them can open, with instructions for it.
@@ -70,8 +70,8 @@ class Raw:
 
         Args:
             name: the variable.
-            column: how an error calls it, if not by its name.
-            needed: no row can do without it, as without its instant.
+            column: its name in errors, if different.
+            needed: whether every row must have it, such as its instant.
 
         Raises:
             InputError: no such variable, or text where numbers are expected (with the row).

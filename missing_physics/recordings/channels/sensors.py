@@ -1,7 +1,7 @@
-"""A robot's sensors for one recording: noise and resolution that the recording states take precedence.
+"""A robot's sensors for one recording: noise and resolution stated in the recording take precedence.
 
-The robot file states the noise of a sensor. Channels that were filtered, or for which a map states another
-noise, differ from that.
+The robot file states the noise of a sensor. Filtered channels, or those with another noise in a map, differ
+from that.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ __all__ = ["sensor_of", "sensors_of", "with_sensors"]
 
 
 def sensor_of(robot: Robot, recording: Recording, channel: str) -> Sensor | None:
-    """The robot's sensor of a channel, with the noise and the steps that the recording states, if it does.
+    """The robot's sensor of a channel, with noise and resolution from the recording if stated there.
 
     Returns:
-        None where the robot has no sensor of this channel.
+        None if the robot has no sensor of this channel.
     """
     sensor = robot.sensor(channel)
     if sensor is None:
@@ -37,13 +37,13 @@ def sensors_of(robot: Robot, recording: Recording) -> Iterator[Sensor]:
 
 
 def with_sensors(robot: Robot, recording: Recording) -> Recording:
-    """The recording with noise and steps of the robot's sensors stated, where it states none itself.
+    """The recording with noise and resolution of the robot's sensors, where it states none itself.
 
-    To be called before its values are changed: code that changes them also updates noise and steps.
+    To be called before its values are changed: code that changes them also updates noise and resolution.
     """
-    there = [sensor for sensor in robot.sensors if sensor.channel in recording]
-    noise = {sensor.channel: sensor.noise for sensor in there if sensor.noise > 0}
-    steps = {sensor.channel: sensor.resolution for sensor in there if sensor.resolution > 0}
+    recorded = [sensor for sensor in robot.sensors if sensor.channel in recording]
+    noise = {sensor.channel: sensor.noise for sensor in recorded if sensor.noise > 0}
+    steps = {sensor.channel: sensor.resolution for sensor in recorded if sensor.resolution > 0}
     return replace(
         recording, noise={**noise, **recording.noise}, resolution={**steps, **recording.resolution}
     )

@@ -1,4 +1,4 @@
-"""Public recordings of real machines: where they are, by commit and checksum, and how to get them."""
+"""Public recordings of real machines: their sources, by commit and checksum, and download."""
 
 from missing_physics.recordings.datasets.catalogue import DATASETS, DataFile, Dataset
 from missing_physics.recordings.datasets.fetch import (

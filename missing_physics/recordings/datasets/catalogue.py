@@ -15,7 +15,7 @@ __all__ = ["DATASETS", "DataFile", "Dataset", "Layout"]
 _HOST = "https://raw.githubusercontent.com"
 
 #: `published`: files as their authors publish them. `prepared`: the same recordings in files of another
-#: layout (several files joined, rows thinned out), which can be handed round but not downloaded.
+#: layout (several files joined, rows decimated), which can be passed on but not downloaded.
 Layout = Literal["published", "prepared"]
 
 
@@ -27,8 +27,8 @@ class DataFile:
         name: its name here, relative to the dataset's folder.
         sha256: of the published file, or of the prepared one.
         path: in the public repository; empty for a prepared file, which is not there.
-        commit: of the repository, where it is not the dataset's.
-        copies: SHA-256 of copies with fewer columns or digits, which the same map reads.
+        commit: of the repository, if different from the dataset's.
+        copies: SHA-256 of copies with fewer columns or digits, which can be read with the same map.
         layout: the only layout that it belongs to; None for all.
     """
 
@@ -53,9 +53,9 @@ class Dataset:
         name: key of `DATASETS`, and name of its folder.
         what: the machine and its recordings, in one line.
         repository: OWNER/NAME on GitHub.
-        commit: which state of it, 40 hexadecimal digits.
+        commit: of the repository, 40 hexadecimal digits.
         licence: of the recordings.
-        citation: what the authors ask to be cited, or who they are.
+        citation: requested by the authors, or their names.
         files: recordings and robot descriptions, of all layouts.
     """
 
@@ -68,7 +68,7 @@ class Dataset:
     files: tuple[DataFile, ...]
 
     def url(self, file: DataFile) -> str:
-        """Where a published file is downloaded from."""
+        """Download address of a published file."""
         return f"{_HOST}/{self.repository}/{file.commit or self.commit}/{quote(file.path)}"
 
     @property

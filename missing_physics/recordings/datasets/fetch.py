@@ -22,14 +22,14 @@ __all__ = [
     "local_folder",
 ]
 
-#: Environment variable that names a folder with datasets, `FOLDER/NAME/FILE`, which is looked into first.
+#: Environment variable that names a folder with datasets, `FOLDER/NAME/FILE`, which is searched first.
 DATA_VARIABLE = "MISSING_PHYSICS_DATA"
 #: Overrides pooch's own choice of the user's cache folder.
 CACHE_VARIABLE = "MISSING_PHYSICS_CACHE"
 
 
 def fetch_dataset(name: str, *, downloader: Callable[..., Any] | None = None, progress: bool = False) -> Path:
-    """The folder with all files of a dataset; what is missing is downloaded into the user's cache.
+    """The folder with all files of a dataset; missing files are downloaded into the user's cache.
 
     Args:
         name: a key of `DATASETS`.
@@ -62,7 +62,7 @@ def find_dataset(name: str) -> Path | None:
 
 
 def local_folder(name: str) -> Path | None:
-    """The dataset's folder under `MISSING_PHYSICS_DATA`, with every checksum verified; None if not whole.
+    """The dataset's folder under `MISSING_PHYSICS_DATA`, with every checksum verified; None if incomplete.
 
     Raises:
         InputError: unknown name, or a file there that is neither the published one nor a known copy.
@@ -82,7 +82,7 @@ def local_folder(name: str) -> Path | None:
 
 
 def dataset_files(name: str, folder: Path) -> tuple[DataFile, ...]:
-    """The files of the first layout of the dataset that is whole in `folder`; none if none is."""
+    """The files of the first layout of the dataset that is complete in `folder`; empty if none is."""
     dataset = _known(name)
     for layout in dataset.layouts:
         listed = dataset.in_layout(layout)
@@ -115,7 +115,7 @@ def _download(
     downloader: Callable[..., Any] | None,
     progress: bool,
 ) -> None:
-    """Into `folder`; pooch verifies the checksum before the file takes its name."""
+    """Download into `folder`; pooch verifies the checksum before renaming the file."""
     target = folder / file.name
     try:
         pooch.retrieve(

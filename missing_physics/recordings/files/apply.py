@@ -30,8 +30,8 @@ __all__ = ["constants_of", "from_mapping", "from_native_names", "wants_native"]
 LARGEST = 1e12
 #: The same for a column whose unit is not known, such as nanoseconds since 1970.
 LARGEST_OF_ALL = 1e30
-#: Far below the resolution of any sensor. Fourth powers of smaller numbers vanish in a double, and ratios of
-#: those have no value; they are artefacts of simulations, or of misread files.
+#: Values far below the resolution of any sensor. Fourth powers of smaller numbers underflow, so their ratios
+#: are undefined; they are artefacts of simulations, or of misread files.
 SMALLEST = 1e-60
 
 #: Most samples lost at the ends without a message.
@@ -39,7 +39,7 @@ MOST_UNTOLD = 10
 
 Array = NDArray[np.float64]
 
-#: Quantities of bases and links that are used at the instants of a clock of their own, if it is this many
+#: Quantities of bases and links that are used at the instants of their separate clock, if it is this many
 #: times slower than the recording's; those of joints are needed at every instant.
 SPARSE = (
     "strain",
@@ -60,10 +60,10 @@ def wants_native(name: str) -> bool:
 def from_native_names(raw: Raw) -> Recording:
     """The recording of a file whose variables have native names (interface: PLACE.QUANTITY[.AXIS]).
 
-    Other columns of numbers with a dotted name are kept as they are; the rest is left out.
+    Other numeric columns with a dotted name are kept unchanged; the rest is ignored.
 
     Raises:
-        InputError: no `time`, no channel, a nearly native name, and whatever makes the data unusable.
+        InputError: no `time`, no channel, a misspelt native name, or unusable data.
     """
     if raw.unnamed:
         raise InputError(f"{raw.source} {raw.unnamed}.")
@@ -96,7 +96,7 @@ def from_native_names(raw: Raw) -> Recording:
 def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
     """The recording that `mapping` makes of the variables; of native names if it has no channels.
 
-    A channel's low-pass filter is undone first. A delayed channel, or one with its own instants, is
+    A channel's low-pass filter is inverted first. A delayed channel, or one with its own instants, is
     interpolated linearly at the recording's instants; one of a base or link whose clock is slower than the
     recording's only at those next to its own instants, the samples in between are missing. Rows for which
     some channel then has no data are cut off at both ends, and so is what lies outside the window.
@@ -149,7 +149,7 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
 
 
 def _ends_words(wanted: Array, kept: Array, spans: MappingType[str, tuple[float, float]]) -> str:
-    """The samples at the ends for which a delayed channel, or one with its own instants, has no numbers."""
+    """Message on samples at the ends without values of a delayed channel, or of one with its own instants."""
     if wanted.size - kept.size <= MOST_UNTOLD:
         return ""
     name, (first, last) = min(spans.items(), key=lambda item: item[1][1] - item[1][0])
@@ -170,7 +170,7 @@ def _check_size(raw: Raw, name: str, *, samples: int, of_time: int) -> None:
 def _at(
     time: Array, own: Array, values: Array, channel: ChannelSource, *, raw: Raw, name: str
 ) -> tuple[Array, tuple[float, float]]:
-    """A channel at the recording's instants, its filter undone, and between which instants it has values.
+    """A channel at the recording's instants, with its filter inverted, and its first and last instant.
 
     Args:
         time: the recording's instants [s], shape (N,).
@@ -202,7 +202,7 @@ def _kept(raw: Raw, time: Array, *, first: float, last: float) -> slice:
 
 
 def _between(time: Array, own: Array) -> NDArray[np.bool_] | bool:
-    """Instants without a sample of a slower clock within half a step; none where that clock is no slower."""
+    """Mask of instants without a sample of a slower clock within half a step; False if it is not slower."""
     step = float(np.median(np.diff(time)))
     if np.median(np.diff(own)) < SLOWER * step:
         return False

@@ -29,7 +29,7 @@ __all__ = [
     "recording_of_raw",
 ]
 
-#: A file of which a part is meant: FILE@FIRST:LAST or FILE[FIRST:LAST], in seconds.
+#: Part of a file: FILE@FIRST:LAST or FILE[FIRST:LAST], in seconds.
 _PARTS = tuple(
     re.compile(form, re.DOTALL)
     for form in (
@@ -52,20 +52,20 @@ def load_recording(
     Args:
         path: CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag, by its suffix; a pipe without one is CSV.
             ``FILE[FIRST:LAST]`` or ``FILE@FIRST:LAST`` means the samples from FIRST up to, but not including,
-            LAST [s]; either may be left out.
-        mapping: for files whose variables do not have native names; see `load_mapping`. Left out, that in
-            ``NAME.map.toml`` next to the file, where there is one.
+            LAST [s]; either may be omitted.
+        mapping: for files whose variables do not have native names; see `load_mapping`. By default the one in
+            ``NAME.map.toml`` next to the file, if it exists.
         check: refuse channels that contradict each other (degrees as radians, time in milliseconds, exchanged
             joints, a quaternion in another order).
         robot: if known, its gear ratios and limits are weighed in that.
-        size_limit: what the variables that are read may take in memory, with those of joined files [bytes].
+        size_limit: memory for the variables that are read, including those of joined files [bytes].
 
     Returns:
-        Channels over `time`; instants stay as they are, uniform or not.
+        Channels over `time`; instants are not changed, uniform or not.
 
     Raises:
-        InputError: missing, empty, truncated, of unknown format; no such channel; text where numbers are
-            due; all NaN; time that repeats, goes back or is missing; too short; larger than the limit;
+        InputError: missing, empty, truncated, of unknown format; no such channel; text instead of numbers;
+            all NaN; time that repeats, goes back or is missing; too short; larger than the limit;
             channels that contradict each other.
         OutOfMemoryError: the machine has too little memory.
     """
@@ -94,7 +94,7 @@ def recording_from_table(
         mapping: for tables whose columns do not have native names; see `load_mapping`.
         units: instead of a mapping, of columns with native names that are not in SI units, as in
             ``{"time": "ms", "joint1.position": "deg"}``.
-        name: what errors, and the recording's `source`, call it.
+        name: its name in errors and as the recording's `source`.
         check: refuse channels that contradict each other; see `load_recording`.
         robot: if known, its gear ratios and limits are weighed in that.
 
@@ -124,7 +124,7 @@ def recording_of_raw(raw: Raw, mapping: Mapping | None = None) -> Recording:
 
 
 def _of_units(raw: Raw, units: MappingType[str, str]) -> Mapping:
-    """A mapping that reads columns with native names in the units that are named."""
+    """A mapping that reads columns with native names in the given units."""
     for label in units:
         if label not in raw.names:
             raise InputError(
@@ -171,25 +171,25 @@ def load_constants(
 
 
 def own_mapping(path: str | os.PathLike[str]) -> Mapping | None:
-    """The mapping in ``NAME.map.toml`` next to a recording ``NAME.csv``; None where there is none.
+    """The mapping in ``NAME.map.toml`` next to a recording ``NAME.csv``, or None.
 
     Raises:
-        InputError: the file is no mapping.
+        InputError: the file is not a mapping.
     """
     file = _part_of(path)[0]
     try:
         adjacent = file.with_name(f"{file.stem}.map.toml")
-        there = adjacent.is_file()
-    except (OSError, ValueError):  # a path without a name, or a name that the system does not take
+        exists = adjacent.is_file()
+    except (OSError, ValueError):  # a path without a name, or a name that the system does not accept
         return None
-    return load_mapping(adjacent) if there else None
+    return load_mapping(adjacent) if exists else None
 
 
 def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | None]:
-    """File and first and last instant [s]; None where no part of it is meant.
+    """File and first and last instant [s]; None for the complete file.
 
     Raises:
-        InputError: what stands behind @ or in brackets is no pair of instants.
+        InputError: the text after @ or in brackets is not a pair of instants.
     """
     text = os.fspath(path)
     found = next((match for form in _PARTS if (match := form.fullmatch(text))), None)
@@ -221,7 +221,7 @@ def _cut(recording: Recording, window: tuple[float, float], *, named: str) -> Re
 def _joined(
     path: str | os.PathLike[str], mapping: Mapping, budget: Budget, *, want: Want | None = None
 ) -> Raw:
-    """The variables of the file and of those that belong to it; of these also as ``STEM.NAME``."""
+    """The variables of the file and of its joined files; the latter also as ``STEM.NAME``."""
     wanted = want or _wanted(mapping)
     raw = read_raw(path, want=wanted, skip_lines=mapping.skip_lines, budget=budget)
     for other in mapping.join:
@@ -238,7 +238,7 @@ def _wanted(mapping: Mapping) -> Want:
 
 
 def _companion(other: JoinedFile, recording: Path, wanted: Want, budget: Budget, *, skip_lines: int) -> Raw:
-    """A file that belongs to a recording, each variable under its name and as ``PREFIX.NAME``."""
+    """A joined file of a recording, each variable under its name and as ``PREFIX.NAME``."""
     path = other.located(recording)
     prefix = other.prefix or path.stem
 

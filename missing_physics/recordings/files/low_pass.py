@@ -1,4 +1,4 @@
-"""Inverse of a second-order low-pass filter that a channel's recorder is known to have."""
+"""Inverse of a known second-order low-pass filter of a channel's recorder."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Array = NDArray[np.float64]
 
 
 def before_low_pass(time: Array, values: Array, low_pass: LowPassFilter) -> Array:
-    """The filter's input: ``u = y + 2 d/w y' + y''/w^2``, by central differences; no state to be guessed.
+    """The filter's input: ``u = y + 2 d/w y' + y''/w^2``, by central differences; needs no initial state.
 
-    Noise that came after the filter grows with the square of the frequency. At both ends the second
-    derivative is that of the neighbour. A missing value spoils its neighbours.
+    Noise added after the filter grows with the square of the frequency. At both ends the second derivative is
+    that of the neighbour. A missing value spoils its neighbours.
 
     Args:
         time: instants [s], shape (N,), N at least 3.
-        values: what was recorded, shape (N,).
+        values: the recorded values, shape (N,).
         low_pass: the filter.
 
     Returns:

@@ -21,10 +21,9 @@ __all__ = ["write_recording"]
 
 
 def write_recording(recording: Recording, path: str | os.PathLike[str]) -> None:
-    """Write `recording` whole or not at all; the suffix says how (``.csv``, ``.parquet``, ``.npz``).
+    """Write `recording` atomically; the suffix gives the format (``.csv``, ``.parquet``, ``.npz``).
 
-    Numbers keep all their digits. Noise and resolution are kept in Parquet and NPZ; CSV has no place
-    for them.
+    Numbers keep all their digits. Noise and resolution are kept in Parquet and NPZ, not in CSV.
 
     Raises:
         InputError: another suffix, or a folder that cannot be written.

@@ -1,1 +1,1 @@
-"""Problems of a recording, and what can be identified from it: one check in each file."""
+"""Problems of a recording, and what can be identified from it: one check per file."""

@@ -1,9 +1,9 @@
-"""Attitude and gyro of a base against each other: the order of a quaternion, frames, signs and units.
+"""Consistency of a base's attitude and gyro: order of the quaternion, frames, signs and units.
 
-Between two instants the attitude turns by a rotation vector, expressed in base axes or in inertial axes; the
-integral of a gyro in base axes is the former. Every common convention is tried. One is reported only where
-the conventions of the native channels (w, x, y, z; base to inertial axes; rates in base axes, rad/s) fail,
-whatever the gyro's gain and bias, and where it fits to a few percent.
+Between two instants the attitude changes by a rotation vector, expressed in base axes or in inertial axes;
+the integral of a gyro in base axes is the former. Every common convention is tried. One is reported only if
+the conventions of the native channels (w, x, y, z; base to inertial axes; rates in base axes, rad/s) fail for
+any gain and bias of the gyro, and if it fits to a few percent.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ ATTITUDE = tuple(f"base.attitude.{axis}" for axis in "wxyz")
 GYRO = tuple(f"base.angular_velocity.{axis}" for axis in "xyz")
 #: Windows over which turns are compared.
 WINDOWS = 200
-#: Gains that a gyro may have, and those that count as one where a convention is reported.
+#: Plausible gains of a gyro, and those that count as one for a reported convention.
 BELIEVED, ONE = (0.1, 3.0), (0.8, 1.25)
-#: Largest unexplained part of the turns for a convention, and how many times larger that of the native one
-#: must be.
+#: Largest unexplained fraction of the rotation for a convention, and the factor by which that of the native
+#: one must exceed it.
 HOLDS, DECISIVE = 0.05, 20.0
-#: Of conventions whose residual is less than this many times the smallest, the simplest is reported.
+#: Among conventions with less than this multiple of the smallest residual, the simplest is reported.
 ALIKE = 3.0
-#: A quaternion's length may differ from one by this much.
+#: Tolerance of a quaternion's length.
 LENGTH = 0.05
 
 _UNITS = ((1.0, ""), (math.pi / 180.0, "in degrees per second"), (math.pi / 30.0, "in turns per minute"))
@@ -84,7 +84,7 @@ class _Convention:
 
 
 def attitude_findings(recording: Recording) -> Iterator[Finding]:
-    """Findings of quaternions of wrong length, and of conventions other than the native one."""
+    """Findings of quaternions with wrong length, and of conventions other than the native one."""
     if any(channel not in recording for channel in ATTITUDE):
         return
     attitude = np.column_stack([recording[channel] for channel in ATTITUDE])
@@ -147,7 +147,7 @@ def turned(attitude: Array, edges: NDArray[np.int_], *, inertial: bool = False) 
 
     Args:
         attitude: quaternion w, x, y, z, base to inertial axes, shape (N, 4).
-        edges: rising places in it, shape (M + 1,).
+        edges: increasing indices into it, shape (M + 1,).
         inertial: axes of the vectors; those of the base at the first of both instants otherwise.
     """
     unit = attitude / np.linalg.norm(attitude, axis=1, keepdims=True)
@@ -167,7 +167,7 @@ def _product(a: Array, b: Array) -> Array:
 
 
 def _left(turn: Array, read: Array, spans: Array, gains: tuple[float, float]) -> float:
-    """Part of the gyro's readings that gain times turn does not explain, apart from its bias."""
+    """Fraction of the gyro's readings that gain times rotation plus bias does not explain."""
     along = spans / np.linalg.norm(spans)
     x, y = (part - np.outer(along, along @ part) for part in (turn, read))
     power = float((y * y).sum())

@@ -25,19 +25,19 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["consistency_findings", "require_consistent", "sentence_of"]
 
-#: What a sentence says of a map in general, where the correction follows.
+#: General hint at a map in a sentence, dropped if the specific correction follows.
 _GENERAL = re.compile(r" \(scale = [^)]*\)")
 #: Quantities that move with a position.
 _PARTNERS = ("velocity", "reference_position", "motor_position")
-#: Two channels agree when their correlation is at least this and the logarithm of their ratio at most this.
+#: Minimum correlation, and maximum |log ratio|, of two channels that agree.
 SAME, ONE = 0.98, 0.03
-#: They differ where the ratio is further from one than this, or the correlation below this.
+#: Two channels differ if their ratio deviates from 1 by more, or their correlation is smaller.
 OTHER, UNLIKE = 0.1, 0.9
-#: A ratio of motor to joint position that no gain of a sensor makes.
+#: A ratio of motor to joint position that no sensor gain explains.
 MOST_GAIN = 10.0
-#: Standard gravity [m/s^2]; how near a length must be to it, and how steady it must stay.
+#: Standard gravity [m/s^2]; tolerance of a length to it, and of the length's variation.
 GRAVITY, NEAR, STEADY = 9.80665, 0.03, 0.05
-#: A position is noisy compared with a reference when its noise is this many times larger.
+#: A position is noisy compared with a reference if its noise is this many times larger.
 NOISIER = 100.0
 
 
@@ -46,7 +46,7 @@ def consistency_findings(recording: Recording, *, robot: Robot | None = None) ->
 
     Args:
         recording: as read.
-        robot: if known, its gear ratios and its joints' limits are used.
+        robot: if given, its gear ratios and its joints' limits are used.
     """
     exchanged = [*_exchanged(recording)]
     pairs = [*unit_findings(recording, robot=robot), *_gears(recording, robot)]
@@ -99,7 +99,7 @@ def _relation(recording: Recording, position: str, other: str) -> tuple[float, f
         return position_per_velocity(recording.time, recording[position], recording[other])
     a, b = recording[position], recording[other]
     good = np.isfinite(a) & np.isfinite(b)
-    every = max(1, good.sum() // 400)  # changes over a stretch, so that noise does not drown them
+    every = max(1, good.sum() // 400)  # changes over a stretch, so that they exceed noise
     x, y = np.diff(b[good][::every]), np.diff(a[good][::every])
     xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
     if xx <= 0 or yy <= 0:
@@ -108,7 +108,7 @@ def _relation(recording: Recording, position: str, other: str) -> tuple[float, f
 
 
 def _exchanged(recording: Recording) -> Iterator[Finding]:
-    """Channels of two joints under each other's names."""
+    """Findings of channels of two joints under each other's names."""
     for one, other in combinations(_places(recording, "position"), 2):
         asked = [q for q in _PARTNERS if all(f"{p}.{q}" in recording for p in (one, other))]
         wrong = [q for q in asked if _crossed(recording, (one, other), q)]
@@ -202,7 +202,7 @@ def _references(recording: Recording) -> Iterator[Finding]:
 
 
 def _noise(recording: Recording, channel: str) -> float:
-    """White noise estimated from the values, whatever noise is stated; the smallest of all neighbourhoods."""
+    """White noise estimated from the values, ignoring any stated noise; the smallest of all estimates."""
     values = recording[channel]
     good = np.isfinite(values)
     residuals = (

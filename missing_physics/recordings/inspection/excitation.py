@@ -15,18 +15,18 @@ __all__ = ["Excitation", "excitation"]
 
 Array = NDArray[np.float64]
 
-#: Slower than this part of the highest speed counts as rest.
+#: Speeds below this fraction of the highest count as rest.
 REST = 0.02
-#: A speed level (of ten equal ones up to the highest speed) counts as visited from this part of the time on.
+#: A speed level (of ten equal ones up to the highest speed) counts as visited from this fraction of the time.
 VISITED = 0.02
 LEVELS = 10
-#: Part of the velocity's energy below the stated bandwidth.
+#: Fraction of the velocity's energy below the stated bandwidth.
 ENERGY = 0.95
-#: Longest interval of the differences for a velocity, as a part of the recording.
+#: Longest interval of the differences for a velocity, as a fraction of the recording.
 LONGEST_BASE = 0.002
-#: A movement counts from this many noise standard deviations (or steps) on.
+#: Smallest movement that counts, in noise standard deviations (or steps).
 CLEAR = 10.0
-#: Motion below this part of the widest is not commanded: bearings, gears and servos yield by as much when
+#: Motion below this fraction of the widest is not commanded: bearings, gears and servos yield as much when
 #: another joint moves.
 TREMBLING = 1e-4
 
@@ -39,9 +39,9 @@ class Excitation:
         place: the joint.
         position_range: largest minus smallest position.
         max_speed, rms_acceleration: of the smoothed motion.
-        reversals: how often the direction changes.
-        at_rest, forward, backward: parts of the time.
-        speed_levels: how many tenths of the speed range are visited.
+        reversals: number of changes of direction.
+        at_rest, forward, backward: fractions of the time.
+        speed_levels: number of tenths of the speed range that are visited.
         bandwidth_hz: below it lie 95 % of the velocity's energy.
         trembles: whether the motion is so small compared with another joint's that it is only a reaction.
     """

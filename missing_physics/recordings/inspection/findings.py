@@ -1,4 +1,4 @@
-"""`Finding`: one thing that a check saw in a recording."""
+"""`Finding`: one result of a check of a recording."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Finding:
         severity: see `Severity`.
         kind: short name of the kind of problem, e.g. ``gap``.
         channel: the native channel, or ``time``.
-        sentence: for people; an error's says how to correct it.
-        numbers: measured values on which it rests.
-        corrections: changes of the map that correct it, where they are known.
+        sentence: message to the user; that of an error states the correction.
+        numbers: measured values on which it is based.
+        corrections: changes of the map that correct it, if known.
     """
 
     severity: Severity

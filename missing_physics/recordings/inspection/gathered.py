@@ -1,4 +1,4 @@
-"""All checks of a recording, gathered: channels against each other, time, values, excitation."""
+"""All checks of a recording: consistency of channels, time, values, excitation."""
 
 from __future__ import annotations
 

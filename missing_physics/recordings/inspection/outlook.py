@@ -17,7 +17,7 @@ SAMPLES_PER_PERIOD = 5.0
 ENOUGH_LEVELS = 3
 #: Reversals needed to identify effects at reversals.
 ENOUGH_REVERSALS = 4
-#: More joints than this are called "all joints" where they are all.
+#: More joints than this are called "all joints" if all are concerned.
 FEW = 3
 
 
@@ -28,7 +28,7 @@ def outlook(
 
     Args:
         recording: as read.
-        not_judged: joints that a diagnosis with a robot cannot judge, with the sentence on why.
+        not_judged: joints that a diagnosis with a robot cannot judge, with the reason as a sentence.
     """
     moves = excitation(recording)
     judged = [move for move in moves if move.place not in (not_judged or {})]
@@ -45,7 +45,7 @@ def outlook(
 
 
 def _together(sentences: Iterable[tuple[str, str]], every: Sequence[str]) -> list[str]:
-    """Merge equal sentences of several joints into one; if they are `every` joint, these are not listed."""
+    """Merge equal sentences of several joints into one; the joints are not listed if it is `every` one."""
     places: dict[str, list[str]] = {}
     for place, words in sentences:
         places.setdefault(words, []).append(place)

@@ -1,4 +1,4 @@
-"""Parts of a whole in words."""
+"""Fractions in words."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 
 __all__ = ["percent"]
 
-#: Parts below and above these are not written with digits.
+#: Fractions below and above these are not written with digits.
 LEAST, MOST = 1e-4, 10.0
 
 
 def percent(share: float) -> str:
-    """``97 %``, ``4.2 %``, ``less than 0.01 %``, ``more than 1000 %``: whole, with two digits below 10 %."""
+    """``97 %``, ``4.2 %``, ``less than 0.01 %``, ``more than 1000 %``: integers, two digits below 10 %."""
     if math.isnan(share):
         return "an unknown part"
     if share > MOST:

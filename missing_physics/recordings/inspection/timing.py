@@ -13,11 +13,11 @@ from robot_model import Recording
 
 __all__ = ["timing_findings"]
 
-#: Jitter that causes a note, and a warning, as a part of the usual step.
+#: Jitter that causes a note, and a warning, as a fraction of the usual step.
 SOME_JITTER, MUCH_JITTER = 0.01, 0.2
 #: Steps used to estimate the clock's resolution.
 CLOCK_SAMPLES = 20_000
-#: Fewer ticks of the clock than this per sample spoil derivatives.
+#: Fewest ticks of the clock per sample that do not spoil derivatives.
 COARSE = 20
 #: Change of the mean rate between the halves of a recording that is reported.
 RATE_CHANGE = 0.02
@@ -72,7 +72,7 @@ def _findings(recording: Recording) -> Iterator[Finding]:
 
 
 def _clock(steps: np.ndarray, usual: float) -> Iterator[Finding]:
-    """Stamps rounded to a coarse clock show as steps that are small multiples of its tick."""
+    """Findings of stamps rounded to a coarse clock: their steps are small multiples of its tick."""
     tick = smallest_step(np.cumsum(steps[:CLOCK_SAMPLES]))
     distinct = np.unique(np.round(steps[:CLOCK_SAMPLES] / usual, 6)).size
     if tick and distinct > 1 and 1.5 < usual / tick < COARSE:

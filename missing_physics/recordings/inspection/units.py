@@ -25,11 +25,11 @@ RPM = 60.0 / (2.0 * math.pi)
 ALIKE = 0.95
 #: Largest difference of a ratio from a known factor, as a natural logarithm.
 NEAR = 0.06
-#: A ratio this far from 1 (as a natural logarithm) is reported although no unit explains it.
+#: A ratio this far from 1 (as a natural logarithm) is reported even if no unit explains it.
 ODD = 0.2
 #: Windows over which position changes are compared with integrated velocity.
 WINDOWS = 200
-#: Stretches over which two positions are compared, so that their noise does not drown the motion.
+#: Number of stretches over which two positions are compared, so that motion exceeds noise.
 STRETCHES = 400
 #: Factors between two positions beyond these follow from the gear between them.
 GAINS = (0.1, 10.0)
@@ -40,7 +40,7 @@ GAP = 2.5
 HOPELESS_RATE, SLOW_RATE, ABSURD_RATE = 2.0, 20.0, 200e3
 #: Lowest working temperature of a robot [K].
 COLDEST = 100.0
-#: Part of the samples that are no outliers.
+#: Fraction of the samples that are not outliers.
 SURELY = 0.999
 #: Two turns; few joints move further [rad].
 TWO_TURNS = 4.0 * math.pi
@@ -56,7 +56,7 @@ _SAME = (("position", "reference_position"), ("position", "motor_position"), ("v
 def unit_findings(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
     """Findings of wrong units; with `robot`, also by its joints' limits."""
     found = list(_pairs(recording))
-    # A wrong unit of time shows in every pair; one finding explains them all.
+    # A wrong unit of time affects every pair; one finding explains them all.
     found = [f for f in found if f.kind == "time_unit"][:1] or found
     if not any(f.kind == "time_unit" for f in found):
         found = [*_rate(recording), *found]
@@ -75,7 +75,7 @@ def position_per_velocity(time: Array, position: Array, velocity: Array) -> tupl
         return math.nan, math.nan
     t, q, v = time[good], position[good], velocity[good]
     dt = np.diff(t)
-    # What happens in a gap is unknown.
+    # The motion within a gap is unknown.
     seen = dt < GAP * np.median(dt)
     way = np.concatenate([[0.0], np.cumsum(seen * 0.5 * (v[1:] + v[:-1]) * dt)])
     change = np.concatenate([[0.0], np.cumsum(seen * np.diff(q))])
@@ -315,7 +315,7 @@ def _many_turns(recording: Recording, name: str, span: float, *, known: bool) ->
 
 
 def _agreeing(recording: Recording, position: str) -> str:
-    """The velocity that is the change of a position, in the same unit; empty where there is none."""
+    """The velocity that is the derivative of a position, in the same unit; empty if there is none."""
     place, quantity = place_of(position), quantity_of(position)
     velocity = f"{place}.{dict(_RATE_PAIRS).get(quantity, '')}"
     if velocity not in recording:

@@ -24,20 +24,20 @@ FEW_LEVELS = 50
 SHOWN = 4
 #: Quantities that are differentiated.
 POSITIONS = ("position", "motor_position")
-#: Efforts that hit a limit stay there: fewest consecutive samples of a plateau, and the smallest part of all
-#: samples in plateaus.
+#: Efforts that reach a limit stay there: fewest consecutive samples of a plateau, and smallest fraction of
+#: all samples in plateaus.
 PLATEAU, PLATEAU_SHARE = 5, 0.002
-#: Quantities that may saturate; a position that rests at its extreme is no fault.
+#: Quantities that may saturate; a position that rests at its extreme is not a fault.
 EFFORTS = ("torque", "current", "voltage")
-#: A sample this many noise standard deviations away from its neighbours is a stray.
+#: An outlier deviates from its neighbours by at least this many standard deviations of the noise.
 STRAY = 30.0
-#: And at least this part of the channel's range.
+#: And by at least this fraction of the channel's range.
 STRAY_RANGE = 0.01
-#: More strays than this part of the samples are no strays but the motion.
+#: Above this fraction of the samples, deviations are motion rather than outliers.
 MOST_STRAYS = 0.002
 #: Quantities that a diagnosis needs at every instant.
 CORE = (*EFFORTS, "position", "motor_position", "reference_position")
-#: A channel that changes only at every second sample or less is held in between.
+#: A channel that changes at every second sample or less often is held in between.
 HELD = 1.5
 
 
@@ -46,7 +46,7 @@ def value_findings(recording: Recording, moves: Sequence[Excitation] | None = No
 
     Args:
         recording: the recording to check.
-        moves: its `excitation`, where that is known already.
+        moves: its `excitation`, if already known.
     """
     found: list[Finding] = []
     for name, values in recording.channels.items():
@@ -110,14 +110,14 @@ def _constant(name: str, value: float) -> Finding:
 
 
 def _saturated(name: str, values: Array, resolution: float) -> Iterator[Finding]:
-    """Plateaus at the very largest or smallest value."""
+    """Findings of plateaus at the largest or smallest value."""
     if quantity_of(name) not in EFFORTS:
         return
     top = float(np.nanmax(np.abs(values)))
     for word, extreme in (("largest", np.nanmax(values)), ("smallest", np.nanmin(values))):
         at = np.abs(values - extreme) <= 1e-9 * abs(extreme)
         run, share = longest_run(at)[0], float(at.mean())
-        # A coarse channel stays on every level for a while, but at a limit longer than anywhere else.
+        # A coarse channel stays on every level for a while, but longest at a limit.
         elsewhere = longest_run((np.diff(values) == 0) & ~at[1:])[0] + 1 if resolution else 1
         if abs(extreme) > 0.5 * top and run >= max(PLATEAU, 2 * elsewhere) and share > PLATEAU_SHARE:
             yield Finding(
@@ -168,7 +168,7 @@ def _grouped(
 
 
 def _held(recording: Recording, name: str, values: Array, resolution: float) -> Iterator[Finding]:
-    """A channel that is updated more slowly than it is written repeats values, then jumps by many steps."""
+    """Findings of channels updated more slowly than written: they repeat values, then jump by many steps."""
     jumps = np.diff(values)
     changes = np.flatnonzero(np.isfinite(jumps) & (jumps != 0))
     if changes.size < 10 or quantity_of(name) == "temperature":
@@ -191,7 +191,7 @@ def _strays(recording: Recording, name: str, values: Array) -> Iterator[Finding]
     noise = noise_of(recording, name)
     if not math.isfinite(noise) or noise <= 0 or quantity_of(name).startswith("reference"):
         return
-    # Both differences to the neighbours must stick out, in opposite directions: a step has only one.
+    # Both differences to the neighbours must be large and of opposite sign: a step has only one.
     jumps = np.diff(values)
     lone = np.minimum(np.abs(jumps[:-1]), np.abs(jumps[1:]))
     far = max(STRAY * noise, STRAY_RANGE * float(np.nanmax(values) - np.nanmin(values)))

@@ -1,4 +1,4 @@
-"""Velocities that are not the derivative of their position: a factor, a lag, or another signal altogether.
+"""Velocities that are not the derivative of their position: a factor, a lag, or a different signal.
 
 Over windows of the recording the velocity's integral x is compared with the change y of the position:
 x = b y + e, where b is one and e is due to noise. White noise of the velocity with standard deviation s adds
@@ -31,23 +31,24 @@ Array = NDArray[np.float64]
 _PAIRS = (("position", "velocity"), ("motor_position", "motor_velocity"))
 #: Windows over which changes are compared; the fewest, and samples in each; levels that a velocity must have.
 WINDOWS, FEWEST, IN_WINDOW, LEVELS = 200, 20, 4, 12
-#: Longest lag in the search, as a part of the recording; lags on each side of zero, and when refined.
+#: Longest lag in the search, as a fraction of the recording; number of lags on each side of zero, and
+#: refined.
 LONGEST_LAG, LAGS, FINER = 0.1, 200, 10
 #: Smallest reported lag [samples and s]; largest lag of a filter [s], beyond which data are unusable.
 LAG_SAMPLES, LAG_SECONDS, FILTERS = 3, 0.01, 0.05
-#: A lag must remove this part of the disagreement beyond noise, and this many times what chance removes.
+#: A lag must remove this fraction of the disagreement beyond noise, and this multiple of what chance removes.
 EXPLAINED, CHANCE = 0.9, 25.0
 #: Deviations that count as noise: standard errors of the factor, and multiples of the expected energy.
 SURE, TOLERATED = 4.0, 4.0
-#: A position moves where its changes have this many times the energy of their noise.
+#: A position moves if its changes have this many times the energy of their noise.
 MOVES = 25.0
-#: A filter with a lag may remove up to this part of a velocity; less than `NOTHING` of it counts as none.
+#: Largest fraction of a velocity that a filter may remove; below `NOTHING` there is no filter.
 FILTERED, NOTHING = 0.5, 0.2
-#: Part of the windows with the largest disagreement, which are left out since outliers spoil some.
+#: Fraction of the windows, those with the largest disagreement, excluded because of outliers.
 STRAYS = 0.05
 #: Largest difference of a factor from a known one, as a natural logarithm.
 KNOWN = 0.1
-#: Largest residual part where a position's change agrees with another joint's velocity.
+#: Largest residual fraction if a position's change agrees with another joint's velocity.
 SAME = 0.04
 
 
@@ -81,7 +82,7 @@ class _Fit:
 
     @property
     def error(self) -> float:
-        """Standard error of the factor, as a part of it; infinite where nothing agrees."""
+        """Relative standard error of the factor; infinite if nothing agrees."""
         return math.sqrt(self.left / (self.count * self.agrees)) if self.agrees > 0 else math.inf
 
 
@@ -109,7 +110,7 @@ class _Pair:
 
     @classmethod
     def of(cls, recording: Recording, position: str, velocity: str) -> _Pair | None:
-        """None where the numbers are too few or too coarse, or the joint does not move beyond noise."""
+        """The pair; None if values are too few or too coarse, or if the joint does not move beyond noise."""
         (tq, q), (tv, v) = (_given(recording, channel) for channel in (position, velocity))
         most = min(WINDOWS, tq.size // IN_WINDOW, tv.size // IN_WINDOW)
         if most < FEWEST or np.unique(v).size < LEVELS:
@@ -132,7 +133,7 @@ class _Pair:
         return cls(position, velocity, edges, use, change, tv, way, noise)
 
     def fit(self, lag: float) -> _Fit:
-        """The fit with the velocity advanced by `lag`, without offset and the windows that disagree most."""
+        """The fit with the velocity advanced by `lag`, without offset and the most deviating windows."""
         x = np.diff(np.interp(self.edges + lag, self.time, self.way))[self.use]
         y, along = self.change[self.use], np.diff(self.edges)[self.use]
         along = along / np.linalg.norm(along)
@@ -173,7 +174,7 @@ def _given(recording: Recording, channel: str) -> tuple[Array, Array]:
 
 
 def _holed(time: Array, edges: Array) -> NDArray[np.bool_]:
-    """Windows with a gap between samples, in which the motion is unknown."""
+    """Mask of the windows with a gap between samples, in which the motion is unknown."""
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > GAP * np.median(steps))
     holed = np.zeros(edges.size - 1, dtype=bool)

@@ -1,1 +1,1 @@
-"""Map files: where in a foreign file each native channel comes from, in which unit, and corrections of it."""
+"""Map files: source and unit of each native channel in a foreign file, and corrections."""

@@ -17,12 +17,12 @@ __all__ = ["Conversion", "conversion", "seconds"]
 #: Factor and shift: ``SI = factor * value + shift``.
 Conversion = tuple[float, float]
 
-#: Products and quotients of units with small powers. No recording is in whatever else pint understands, such
-#: as powers of powers.
+#: Products and quotients of units with small powers; other expressions of pint, such as powers of powers, are
+#: not used in recordings.
 _NAME = r"(?:[^\W\d_][^\W\d]*|°C|°|%)(?:(?:\*\*|\^)?-?[1-9]|[²³])?"
 _UNIT = re.compile(rf"(?:1|{_NAME})(?:(?: ?[*/·] ?| ){_NAME})*")
 _LONGEST = 40
-#: Quantities of joints that a wrong unit may have meant.
+#: Quantities of joints that may be meant by a wrong unit.
 _OTHERS = ("position", "velocity", "acceleration", "torque", "current", "voltage", "temperature")
 
 
@@ -32,11 +32,11 @@ def conversion(unit: str, channel: str, *, slides: bool = False, derivative: boo
     Args:
         unit: of the variable in the file.
         channel: native name.
-        slides: the joint is known to slide, so that angles are no choice.
+        slides: whether the joint is known to slide, so that angles are excluded.
         derivative: the variable's time derivative is taken.
 
     Raises:
-        ValueError: no such unit, or one of something else, in words.
+        ValueError: no such unit, or one of another quantity; with a message.
     """
     kinds = (True,) if slides else (False, True)
     expected = dict.fromkeys(unit_of(channel, prismatic=kind) for kind in kinds)
@@ -82,9 +82,9 @@ def _parsed(unit: str) -> pint.Unit:
 
 
 def _root(unit: str, derivative: bool = False) -> Any:
-    """Base units of one of ours, without factor; None where pint has no word for it, as for sqrt(kg) m.
+    """Base units of one of our units, without factor; None if pint has none, as for sqrt(kg) m.
 
-    An angle stays one: pint counts radians among the base units, though not among the dimensions.
+    Angles are preserved: radians are base units in pint, but not dimensions.
     """
     if not _UNIT.fullmatch(unit) and unit != "-":
         return None
@@ -94,7 +94,7 @@ def _root(unit: str, derivative: bool = False) -> Any:
 
 
 def _fitting(found: pint.Unit, root: Any) -> Conversion | None:
-    """Factor and shift to base units, where `found` has these."""
+    """Factor and shift to base units, if `found` has these."""
     registry = _registry()
     one = registry.Quantity(1.0, found).to_base_units()
     if root is None or one.units != root:
@@ -104,7 +104,7 @@ def _fitting(found: pint.Unit, root: Any) -> Conversion | None:
 
 
 def _meant(found: pint.Unit, channel: str) -> str:
-    """Which channel of the same joint has such a unit, as the end of a sentence."""
+    """The channel of the same joint that has such a unit, as the end of a sentence."""
     for quantity in _OTHERS:
         other = f"{place_of(channel)}.{quantity}"
         if other != channel and _fitting(found, _root(unit_of(other))) is not None:

@@ -1,4 +1,4 @@
-"""`Correction`: a change of a map file so that a channel is what its name says."""
+"""`Correction`: a change of a map file so that a channel is what its name states."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ __all__ = ["Correction", "corrected", "corrected_map", "in_words"]
 
 @dataclass(frozen=True)
 class Correction:
-    """One change of one channel: it should be ``scale`` times what was read as ``source``.
+    """One change of one channel: it should be ``scale`` times the values read as ``source``.
 
     Attributes:
         channel: native name, or ``time``.
-        source: native name under which the right numbers were read; the channel itself when empty.
+        source: native name under which the right values were read; the channel itself if empty.
         scale: factor on the read values, in addition to the map's present scale.
         delay: of the channel [s].
     """
@@ -31,7 +31,7 @@ class Correction:
 
     @property
     def origin(self) -> str:
-        """The channel whose numbers are taken."""
+        """The channel whose values are taken."""
         return self.source or self.channel
 
 
@@ -46,12 +46,12 @@ def in_words(corrections: Sequence[Correction], mapping: Mapping | None = None) 
 def corrected_map(
     recording: Recording, corrections: Sequence[Correction], mapping: Mapping | None = None
 ) -> str:
-    """TOML to paste: with a map, the tables that change in it; without one, a whole map for the file.
+    """TOML to paste: with a map, the tables that change in it; without one, a complete map for the file.
 
     Args:
-        recording: as it was read.
+        recording: as read.
         corrections: the changes.
-        mapping: with which it was read.
+        mapping: the mapping with which it was read.
     """
     tables = dict(_changed(corrections, mapping))
     if mapping is None or not mapping.channels:
@@ -66,7 +66,7 @@ def corrected_map(
 
 
 def corrected(recording: Recording, corrections: Iterable[Correction]) -> Recording:
-    """The recording corrected in scale and source (a delay changes instants: it is not carried out)."""
+    """The recording corrected in scale and source (delays, which change instants, are not applied)."""
     changed = {m.channel: m.scale * recording[m.origin] for m in corrections if m.channel != "time"}
     return recording.with_channels(changed)
 

@@ -1,7 +1,7 @@
 """Mapping files (TOML): where in a foreign file each native channel comes from.
 
 There is no expression language and nothing is evaluated: a channel is one variable, or a named function of
-some (a product, a sum, a servo's voltage), then scaled, shifted and limited.
+several (a product, a sum, a servo's voltage), then scaled, shifted and limited.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ __all__ = [
 
 
 class TimeSource(Place):
-    """How `time` is made: from a variable of numbers or of timestamps, or from a rate."""
+    """Source of `time`: a variable of numbers or of timestamps, or a rate."""
 
     source: str | None = Field(default=None, description="variable that holds the sample instants")
     scale: Number = Field(
@@ -92,10 +92,10 @@ class LowPassFilter(Part):
 
 
 class ChannelSource(Place):
-    """One native channel: ``scale * X + offset`` in SI units, inside of `clip`.
+    """One native channel: ``scale * X + offset`` in SI units, limited to `clip`.
 
     X is `source`, the product of `product`, the sum of `terms`, or the voltage of `servo` (exactly one of
-    them), in SI units if `unit` says in which it is.
+    them), converted to SI units if `unit` is given.
     """
 
     source: str | None = Field(default=None, description="name of the variable in the file")
@@ -157,7 +157,7 @@ class ChannelSource(Place):
         return (self.row, self.column, self.index, self.reshape) != (None, None, None, None)
 
     def picks(self) -> tuple[Pick, ...]:
-        """The variables that are read, in their order."""
+        """The variables that are read, in order."""
         if self.servo is not None:
             return self.servo.picks()
         if self.source is None:
@@ -197,7 +197,7 @@ class Mapping(Part):
 
     description: str = Field(default="", description="which recordings it is for")
     join: tuple[Annotated[JoinedFile, BeforeValidator(_joined_file)], ...] = Field(
-        default=(), description="files beside the recording that belong to it: names, or tables"
+        default=(), description="files next to the recording that belong to it: names, or tables"
     )
     prismatic: tuple[str, ...] = Field(
         default=(), description="joints that slide, so that their positions are shown in m"
@@ -269,7 +269,7 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
 def _exists(path: Path) -> bool:
     try:
         return path.exists()
-    except (OSError, ValueError):  # a name that the system does not take names nothing
+    except (OSError, ValueError):  # not a valid name for the system
         return False
 
 

@@ -1,4 +1,4 @@
-"""What the entries of a map are made of: variables of the file, and functions of them with a name."""
+"""Building blocks of a map's entries: variables of the file, and named functions of them."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidat
 
 __all__ = ["Flag", "Number", "Part", "Pick", "Place", "ServoVoltage", "Whole", "as_pick"]
 
-# Strict, or pydantic would take `"2.0"` and `true` for numbers and "yes" for true.
+# Strict, otherwise pydantic would accept `"2.0"` and `true` as numbers and "yes" as true.
 Number = Annotated[float, Field(strict=True)]
 Whole = Annotated[int, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 
 
 class Part(BaseModel):
-    """A table of a map: nothing in it changes, and nothing unknown is in it."""
+    """A table of a map: immutable, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Place(Part):
-    """Which numbers of a variable are meant; of an array with one long dimension, all."""
+    """Selection of values of a variable; by default all of an array with one long dimension."""
 
     row: Whole | None = Field(default=None, description="row of a two-dimensional variable, the first is 0")
     column: Whole | None = Field(
@@ -77,7 +77,7 @@ def _number_or_name(value: Any) -> float | str:
 
 
 class ServoVoltage(Part):
-    """Of a proportional servo: ``supply * clip(gain * (goal - position), -limit, limit)``."""
+    """Voltage of a proportional servo: ``supply * clip(gain * (goal - position), -limit, limit)``."""
 
     goal: Annotated[Pick, BeforeValidator(as_pick)] = Field(description="where the servo is sent: a pick")
     position: Annotated[Pick, BeforeValidator(as_pick)] = Field(
@@ -92,6 +92,6 @@ class ServoVoltage(Part):
     limit: Number = Field(default=1.0, gt=0, description="largest duty cycle")
 
     def picks(self) -> tuple[Pick, ...]:
-        """The variables that are read: goal, position, and gain and supply where they are variables."""
+        """The variables that are read: goal, position, and gain and supply if they are variables."""
         named = (Pick(source=name) for name in (self.gain, self.supply) if isinstance(name, str))
         return self.goal, self.position, *named

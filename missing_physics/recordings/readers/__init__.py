@@ -1,8 +1,7 @@
 """One reader per format, chosen by the file's suffix.
 
-A reader is a module with ``SUFFIXES`` and ``read(source, *, want) -> Raw``, which takes from
-``source.budget`` what a variable declares before it reads it; a new format is a new file
-and one line here.
+A reader is a module with ``SUFFIXES`` and ``read(source, *, want) -> Raw``. It takes the declared size of a
+variable from ``source.budget`` before reading it. A new format is a new file and one line here.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ READERS: Mapping[str, ModuleType] = MappingProxyType(
     {suffix: module for module in _MODULES for suffix in module.SUFFIXES}
 )
 
-#: How files of a format begin, and their suffix; text is whatever is none of these.
+#: First bytes of the formats, and their suffix; all other files are text.
 _BEGINS = {
     b"PAR1": ".parquet",
     b"PK\x03\x04": ".npz",
@@ -41,7 +40,7 @@ _BEGINS = {
 }
 _HEAD = max(map(len, _BEGINS))
 
-#: A suffix this much like a known one is a typing error.
+#: Similarity from which a suffix counts as a misspelt known one.
 ALIKE = 0.7
 
 
@@ -55,11 +54,11 @@ def read_raw(
     """The variables of a file.
 
     Args:
-        path: the file; its suffix says the format, or its first bytes where it has none. A pipe without one,
-            such as /dev/stdin, is read as CSV.
+        path: the file; its suffix determines the format, or its first bytes if it has none. A pipe without a
+            suffix, such as /dev/stdin, is read as CSV.
         want: which variables to read, by name.
         skip_lines: lines of a text file before its table.
-        budget: what the variables may take in memory; `SIZE_LIMIT` when left out.
+        budget: memory for the variables; `SIZE_LIMIT` when None.
 
     Raises:
         InputError: no such file, empty, of unknown suffix, truncated or damaged, too large.
@@ -76,7 +75,7 @@ def read_raw(
 
 
 def _known(source: Source) -> str:
-    """The suffix, if there is a reader for it; without one, what its first bytes say."""
+    """The suffix, if there is a reader for it; without a suffix, that of the file's content."""
     if source.suffix in READERS:
         return source.suffix
     if not source.suffix:

@@ -19,8 +19,9 @@ def reading(source: Source, kind: str) -> Iterator[None]:
     """Turn whatever a format library raises on a damaged file into an `InputError`.
 
     The libraries raise a dozen different types on damaged bytes (among them zlib.error, struct.error,
-    KeyError, RecursionError), and none of them documents which; so all are caught here. Too little memory is
-    no damage: it becomes an `OutOfMemoryError`, whatever the library calls it.
+    KeyError, RecursionError), and none of them documents which; so all are caught here. Insufficient memory
+    is
+    not damage: it becomes an `OutOfMemoryError`, whatever the library raises.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""How much memory the variables of a recording may take; sizes are looked up before anything is unpacked."""
+"""Memory budget for the variables of a recording; sizes are checked before anything is unpacked."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from robot_model import InputError
 
 __all__ = ["NUMBER", "SIZE_LIMIT", "Budget"]
 
-#: What the variables of one recording may take unless another limit is given [bytes]. Reading and checking
-#: hold up to three copies for a while, which a machine with 8 GB has room for.
+#: Default memory limit for the variables of one recording [bytes]. Reading and checking temporarily
+#: hold up to three copies, for which a machine with 8 GB has enough memory.
 SIZE_LIMIT = 2e9
-#: What a number takes at least, whatever it takes in the file, since all become float64 [bytes].
+#: Smallest size of a number in memory [bytes], whatever its size in the file, since all become float64.
 NUMBER = 8
-#: Three digits of what is needed, rounded up, so that the limit that is proposed is enough.
+#: Significant digits of the proposed limit, which is rounded up.
 _DIGITS = Context(prec=3, rounding=ROUND_CEILING)
 
 
 class Budget:
-    """Bytes that are left for variables; shared by all files of one recording."""
+    """Remaining bytes for variables; shared by all files of one recording."""
 
     def __init__(self, limit: float = SIZE_LIMIT) -> None:
         """Raises `InputError` when `limit` [bytes] is no positive number."""
@@ -33,7 +33,7 @@ class Budget:
         """Take `size` bytes of the remaining ones.
 
         Args:
-            size: what something takes in memory [bytes].
+            size: memory of the item [bytes].
             claim: beginning of the error sentence: which file declares what.
 
         Raises:

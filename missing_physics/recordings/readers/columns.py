@@ -50,8 +50,8 @@ def is_read(kind: pa.DataType) -> bool:
 def table_variables(table: pa.Table, source: Source | str) -> dict[str, NDArray[Any]]:
     """Each column as an array, shape (N,) or (N, k) for lists of equal length; empty cells become NaN.
 
-    Spans of time become seconds. Columns of nested or foreign types are left out. Text is taken from the
-    budget of `source`, if that is a file, before Python has it; everything else must have been.
+    Time spans become seconds. Columns of nested or foreign types are skipped. Text is taken from the budget
+    of `source`, if that is a file, before conversion; everything else must have been taken already.
     """
     found: dict[str, NDArray[Any]] = {}
     for name in table.column_names:
@@ -98,7 +98,7 @@ def _lists(column: pa.ChunkedArray, name: str, source: object) -> NDArray[Any]:
 
 
 def _text(column: pa.ChunkedArray, name: str, source: Source | str) -> NDArray[Any]:
-    """Text as Python strings, each different one once, and None for an empty cell; shape (N,)."""
+    """Text as Python strings, equal ones shared, and None for an empty cell; shape (N,)."""
     encoded = column if pa.types.is_dictionary(column.type) else column.dictionary_encode()
     chunks = encoded.unify_dictionaries().chunks
     if not chunks:

@@ -26,7 +26,7 @@ _DELIMITERS = ",;\t"
 _COMMENT = ("#", "%")
 _DECIMAL_COMMA = re.compile(r"(^|[;\t ])\s*[-+]?\d+,\d+")
 _SPACES, _ENDS = re.compile(rb" {2,}"), re.compile(rb"^ | (?=\r?$)", re.MULTILINE)
-#: Name of the empty column after a delimiter that ends every row; no column of a file can have it.
+#: Name of the empty column after a delimiter at the end of every row; no column of a file can have it.
 _NOTHING = "\0"
 #: Bytes at the start of the file that distinguish text from binary data.
 _HEAD = 1 << 16
@@ -38,7 +38,7 @@ _BLOCK = 1 << 22
 
 @dataclass(frozen=True)
 class _Form:
-    """How a text file is laid out.
+    """Layout of a text file.
 
     Attributes:
         names: of its columns.
@@ -65,7 +65,7 @@ def read(source: Source, *, want: Want, skip_lines: int = 0) -> Raw:
     Args:
         source: the file.
         want: which columns to read, by name.
-        skip_lines: lines before the table that belong to nothing in it.
+        skip_lines: number of lines before the table.
 
     Raises:
         InputError: no rows, a row with another number of cells, bytes that are not text.
@@ -80,7 +80,7 @@ def read(source: Source, *, want: Want, skip_lines: int = 0) -> Raw:
 
 
 def _form(source: Source, skip_lines: int) -> _Form:
-    """From the header, or the first row, and the row below it."""
+    """The layout, from the header or the first row, and the row below it."""
     skipped, header, first = _head(source, skip_lines)
     delimiter = max(_DELIMITERS, key=header.count)
     spaced = delimiter not in header and len(header.split()) == len(first.split()) > 1
@@ -163,7 +163,7 @@ def _table(source: Source, form: _Form, *, want: Want) -> pa.Table:
 
 
 def _line_ends(source: Source) -> int:
-    """The most rows that the text can have."""
+    """Largest possible number of rows of the text."""
     feeds = returns = 0
     with source.path.open("rb") as file:
         while block := file.read(_BLOCK):
@@ -178,7 +178,7 @@ def _one_space(source: Source) -> BinaryIO:
 
 
 def _refuse_ragged(source: Source, form: _Form, *, cells: int) -> None:
-    """Name the first row with another number of cells; Arrow reads in parallel and does not know it."""
+    """Report the first row with a different number of cells, which Arrow does not know."""
     with source.path.open("r", encoding="utf-8-sig", errors="replace", newline="") as file:
         spaced = form.delimiter == " "
         rows = csv.reader(file, delimiter=form.delimiter, skipinitialspace=spaced)

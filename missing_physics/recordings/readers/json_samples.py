@@ -20,8 +20,8 @@ __all__ = ["SUFFIXES", "read"]
 
 SUFFIXES = (".json",)
 
-#: What Python takes for what each of these characters begins, at most [bytes]: a table of a few keys and its
-#: flat copy, a list, a key and its value, an entry of a list.
+#: Largest memory of the Python objects that each of these characters begins [bytes]: a table of a few keys
+#: and its flat copy, a list, a key and its value, an entry of a list.
 _COSTS = {b"{": 500, b"[": 100, b":": 150, b",": 50}
 
 
@@ -46,7 +46,7 @@ def read(source: Source, *, want: Want) -> Raw:
 
 
 def _text(source: Source) -> str:
-    """The text, once what Python makes of it is found to have room."""
+    """The text, after taking the memory of the parsed objects from the budget."""
     size = source.path.stat().st_size
     source.budget.take(2 * size, f"{source} has {size} bytes of text")
     content = source.path.read_bytes()
@@ -60,9 +60,9 @@ class _Values(NamedTuple):
     """Values of a variable that are still to be collected.
 
     Attributes:
-        size: how many there are.
-        collect: gives them in order.
-        scalar: there is one, and it stands for itself.
+        size: number of values.
+        collect: returns them in order.
+        scalar: whether it is a single value of shape ().
     """
 
     size: int
@@ -71,7 +71,7 @@ class _Values(NamedTuple):
 
 
 def _taken(source: Source, name: str, values: _Values) -> NDArray[Any]:
-    """The array of a variable, from the budget: a key that few samples have takes room in all of them."""
+    """The array of a variable, taken from the budget: a key of few samples needs memory for all of them."""
     source.budget.take_array(source, name, (values.size,), NUMBER)
     return _array(values.collect(), scalar=values.scalar)
 
@@ -109,7 +109,7 @@ def _leaves(prefix: str, data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _array(values: list[Any], *, scalar: bool = False) -> NDArray[Any]:
-    """Numbers as float64 (None as NaN), anything else as objects that an error can show."""
+    """Numbers as float64 (None as NaN), anything else as objects for error messages."""
     if all(v is None or isinstance(v, bool | int | float) for v in values):
         try:
             numbers = np.array([np.nan if v is None else v for v in values], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""NPZ: NumPy arrays by name; never a pickle. Noise and resolution stand in ``noise/NAME`` and
+"""NPZ: NumPy arrays by name; never a pickle. Noise and resolution are in ``noise/NAME`` and
 ``resolution/NAME``."""
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _HEAD = 1 << 16
 
 
 class _Header(NamedTuple):
-    """What an array declares, and how many bytes of numbers there are for it."""
+    """The declaration of an array, and the number of bytes stored for it."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -65,7 +65,7 @@ def _archive(source: Source) -> zipfile.ZipFile:
 
 
 def _header(archive: zipfile.ZipFile, name: str) -> _Header:
-    """Raises ValueError where an array is longer than its numbers, whose bytes a damaged header invents."""
+    """The header; raises ValueError if a damaged one declares more bytes than are stored."""
     info = archive.getinfo(name + _NPY)
     with archive.open(info) as stream:
         head = BytesIO(stream.read(_HEAD))
@@ -97,7 +97,7 @@ def _number(archive: zipfile.ZipFile, name: str, header: _Header) -> float:
 
 
 def _entry_size(dtype: np.dtype[Any]) -> int:
-    """Bytes that an entry takes once its numbers are float64."""
+    """Bytes of an entry after conversion to float64."""
     if dtype.subdtype is not None:
         return math.prod(dtype.shape) * _entry_size(dtype.base)
     if dtype.names is None:
@@ -106,7 +106,7 @@ def _entry_size(dtype: np.dtype[Any]) -> int:
 
 
 def _field_names(name: str, dtype: np.dtype[Any]) -> list[str]:
-    """Names of the variables that a structured array makes, at any depth; none of a plain one."""
+    """Names of the variables of a structured array, at any depth; none for a plain array."""
     found: list[str] = []
     for field in dtype.names or ():
         label = f"{name}.{field}"

@@ -1,4 +1,4 @@
-"""Objects of MATLAB's classes, whose format MathWorks does not publish: how to convert them in MATLAB."""
+"""Objects of MATLAB's classes, whose format is not published: instructions to convert them in MATLAB."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ __all__ = ["closed_objects"]
 
 _SERIES = "s = struct('t', {0}.Time, 'y', squeeze({0}.Data)); save('numbers.mat', '-struct', 's')"
 _ELEMENT = _SERIES.format("e")
-#: What makes numbers of an object, with a place for its name, by the begin of its class.
+#: Instructions to convert an object to arrays, with a placeholder for its name, by the start of its class
+#: name.
 _REMEDIES = {
     "timeseries": _SERIES,
     "Simulink.SimulationData.Dataset": f"for each element, e = {{0}}{{{{1}}}}.Values; {_ELEMENT}",
@@ -21,7 +22,7 @@ _ELSE = "save its numbers as arrays"
 
 
 def closed_objects(classes: Mapping[str, str]) -> dict[str, str]:
-    """What each object is and what to do with it, as the end of a sentence, by the name of the variable."""
+    """Class of each object and how to convert it, as the end of a sentence, by the name of the variable."""
     found = {}
     for name, of_class in classes.items():
         known = next((text for begin, text in _REMEDIES.items() if of_class.startswith(begin)), _ELSE)

@@ -44,8 +44,8 @@ def read(source: Source, *, want: Want) -> Raw:
 
 
 def _check_size(source: Source, metadata: pq.FileMetaData, wanted: Sequence[pa.Field]) -> None:
-    """Take what the file's footer declares: values, of which a run of equal ones may take no place at all,
-    and bytes, of which a compressed one may stand for a thousand."""
+    """Take the memory that the file's footer declares from the budget: values, since runs of equal ones need
+    hardly any bytes, and bytes, since compression may reduce them a thousandfold."""
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
     rows = max(metadata.num_rows, sum(group.num_rows for group in groups))
     plain = [field for field in wanted if not is_list(field.type)]

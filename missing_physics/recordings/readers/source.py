@@ -1,4 +1,4 @@
-"""Input of a reader: a file whose bytes can be read in any order, and its name for people."""
+"""Input of a reader: a seekable file, and its displayed name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Source", "opened"]
 BLOCK = 1 << 20
 #: Suffix of a pipe whose name has none, such as /dev/stdin.
 PIPED = ".csv"
-#: What makes a folder a bag of ROS 2.
+#: File that marks a folder as a bag of ROS 2.
 BAG_FILE = "metadata.yaml"
 #: Open files by number: on some systems all openings of one share a position.
 DESCRIPTORS = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")
@@ -31,7 +31,7 @@ class Source:
 
     Attributes:
         path: of the file; of a copy of a pipe's content; of the folder of a ROS 2 bag.
-        name: for people.
+        name: displayed name.
         suffix: in lower case, with its dot.
         budget: memory for its variables.
     """
@@ -83,7 +83,7 @@ def _status(path: str | os.PathLike[str]) -> os.stat_result:
 
 
 def _copied(pipe: Path, copy: Path, *, most: float) -> int:
-    """Copy the content of a pipe until its end; the number of bytes."""
+    """Copy the content of a pipe until its end; returns the number of bytes."""
     try:
         incoming = pipe.open("rb")
     except OSError as error:

@@ -1,6 +1,6 @@
 """Tables in memory: data frames of any kind, datasets of xarray, dictionaries of arrays.
 
-Narwhals knows the data frames (pandas, polars, PyArrow, Modin, DuckDB and more) and requires none of them.
+Narwhals supports the data frames (pandas, polars, PyArrow, Modin, DuckDB and more) and requires none of them.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ def raw_of(data: Any, *, name: str = "data") -> Raw:
         name: for errors.
 
     Returns:
-        Columns of shape (N,), lists and arrays (N, k); the index of a pandas data frame, where it is more
-        than row numbers, by its name, or as ``time``.
+        Columns of shape (N,), lists and arrays (N, k); the index of a pandas data frame, unless it is just
+        row numbers, by its name, or as ``time``.
 
     Raises:
-        InputError: something else, no column, or one of no numbers, instants or text.
+        InputError: not a table, no column, or a column without numbers, instants or text.
     """
     if hasattr(data, "coords") and hasattr(data, "dims"):  # a Dataset is a mapping, too
         found = _of_xarray(data, name)
@@ -103,7 +103,7 @@ def _of_frame(data: Any, name: str) -> dict[str, NDArray[Any]]:
 
 
 def _with_index(frame: Any) -> Any:
-    """The frame with its index as a column, where it has one that is more than row numbers."""
+    """The frame with its index as a column, unless it is just row numbers."""
     import narwhals as nw
 
     index = nw.maybe_get_index(frame)

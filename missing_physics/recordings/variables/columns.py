@@ -74,7 +74,7 @@ def column(
 
 
 def _total(channel: ChannelSource, read: Sequence[Array]) -> Array:
-    """X of a channel from its parts."""
+    """X of a channel (`ChannelSource`) from its parts."""
     if channel.product:
         return np.asarray(np.prod(np.broadcast_arrays(*read), axis=0))
     if channel.servo is not None:
@@ -83,9 +83,9 @@ def _total(channel: ChannelSource, read: Sequence[Array]) -> Array:
 
 
 def _servo_voltage(servo: ServoVoltage, goal: Array, position: Array, *named: Array) -> Array:
-    """Voltage from goal and position, shape (N,) [V]; `named` are gain and supply where the file has them."""
-    there = iter(named)
-    gain, supply = (next(there) if isinstance(own, str) else own for own in (servo.gain, servo.supply))
+    """Voltage from goal and position, shape (N,) [V]; `named` are gain and supply if the file has them."""
+    remaining = iter(named)
+    gain, supply = (next(remaining) if isinstance(own, str) else own for own in (servo.gain, servo.supply))
     return np.asarray(supply * np.clip(gain * (goal - position), -servo.limit, servo.limit))
 
 

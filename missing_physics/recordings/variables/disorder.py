@@ -1,4 +1,4 @@
-"""Sample instants that do not rise: the rows that cause it, and how to correct them."""
+"""Sample instants that do not increase: the rows that cause it, and how to correct them."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ __all__ = ["disorder"]
 
 Array = NDArray[np.float64]
 
-#: A row is a separate sample where no other instant is nearer than this part of the usual step.
+#: A row is a separate sample if no other instant is nearer than this fraction of the usual step.
 ROOM = 0.5
 
 
 def disorder(time: Array, *, first_row: int, shortest: int) -> str:
-    """The end of a sentence: where instants do not rise, and what to do about it.
+    """The end of a sentence: where instants do not increase, and what to do about it.
 
     Args:
-        time: instants that do not all rise [s], shape (N,).
+        time: instants that do not all increase [s], shape (N,).
         first_row: number of the first row in the file.
         shortest: fewest samples of a record.
     """
@@ -54,7 +54,7 @@ def _where(time: Array, wrong: NDArray[np.intp], first_row: int) -> str:
 
 
 def _damaged(time: Array, misfits: NDArray[np.intp], first_row: int) -> str:
-    """A clock that was interrupted leaves whole records; single instants out of it are no measurements."""
+    """Message on single damaged instants; an interrupted clock would leave complete records instead."""
     rest = np.setdiff1d(np.arange(time.size), misfits)
     row = int(misfits[0])
     after = int(np.searchsorted(rest, row))
@@ -68,7 +68,7 @@ def _damaged(time: Array, misfits: NDArray[np.intp], first_row: int) -> str:
 
 
 def _misfits(time: Array) -> NDArray[np.intp]:
-    """The fewest rows without which the rest rises (the complement of a longest rising subsequence)."""
+    """The fewest rows without which the rest increases (complement of a longest increasing subsequence)."""
     tops: list[float] = []  # smallest last instant of a rising subsequence of each length
     rows: list[int] = []
     before = np.full(time.size, -1)

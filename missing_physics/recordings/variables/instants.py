@@ -15,10 +15,10 @@ from robot_model import InputError
 
 __all__ = ["MIN_SAMPLES", "check_time", "instants", "record_rows"]
 
-#: Fewer samples than this support no statement about dynamics, and no check of them.
+#: Fewest samples for a statement about dynamics, or for checks.
 MIN_SAMPLES = 50
-#: No clock shows more [s], and no recorder takes two samples of a machine within less [s]; powers of longer
-#: times and of rates above a gigahertz may overflow.
+#: Largest time of a clock [s], and smallest step of a recorder [s]; powers of longer times and of rates above
+#: a gigahertz may overflow.
 LARGEST_TIME = 1e30
 SHORTEST_STEP = 1e-9
 
@@ -44,9 +44,9 @@ def instants(raw: Raw, time: TimeSource, *, count: int) -> Array:
 
 
 def _spread(stamps: Array) -> Array:
-    """Rows with equal stamps spread evenly up to the next stamp; behind the last, at the pace before it.
+    """Rows with equal stamps spread evenly up to the next stamp; after the last one, at the previous rate.
 
-    A clock that ticks more slowly than rows are written gives each row the tick before it.
+    A clock that ticks more slowly than rows are written gives each row the previous tick.
     """
     first = np.flatnonzero(np.concatenate([[True], np.diff(stamps) != 0]))
     if first.size < 2 or first.size == stamps.size:
@@ -58,7 +58,7 @@ def _spread(stamps: Array) -> Array:
 
 
 def _timestamps(raw: Raw, name: str) -> NDArray[Any]:
-    """Text as instants where it reads as ISO 8601, else as numbers (whose error names the row)."""
+    """Text as instants if it is ISO 8601, else as numbers (whose error names the row)."""
     try:
         return np.array([str(value).strip().rstrip("Z") for value in raw[name].flat], dtype="datetime64[ns]")
     except ValueError:
@@ -66,7 +66,7 @@ def _timestamps(raw: Raw, name: str) -> NDArray[Any]:
 
 
 def record_rows(raw: Raw, time: Array, *, record: int) -> slice:
-    """The rows of one of several records that follow each other in a file; time starts again with each.
+    """The rows of one of several consecutive records in a file; time starts again with each.
 
     Args:
         raw: for the error.
@@ -86,10 +86,10 @@ def record_rows(raw: Raw, time: Array, *, record: int) -> slice:
 
 
 def check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
-    """Before `Recording` does it, because here the row of the file is known.
+    """Check instants before `Recording` does, because here the row of the file is known.
 
     Raises:
-        InputError: too few instants, one that is missing, that repeats or goes back, or that no clock has.
+        InputError: too few instants, or one that is missing, repeats, goes back, or is impossibly large.
     """
     if time.size < least:
         raise InputError(

@@ -1,4 +1,4 @@
-"""One variable of a file, or the part of it that a mapping's entry means."""
+"""One variable of a file, or the part of it selected by a mapping's entry."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def picked(raw: Raw, pick: Pick) -> Array:
     """``scale * variable + offset``, shape (N,) or (); a derivative is not taken yet.
 
     Raises:
-        InputError: no such variable, no numbers in it, or a place that it does not have.
+        InputError: no such variable, no numbers in it, or an index out of its range.
     """
     values = placed(raw.numbers(pick.source), pick, f"{pick.source} of {raw.source}")
     if pick.signed_bits is not None:
@@ -30,7 +30,7 @@ def picked(raw: Raw, pick: Pick) -> Array:
 
 
 def placed(values: NDArray[Any], place: Pick | TimeSource, what: str) -> NDArray[Any]:
-    """The row, column or index of a variable that is meant; all of it where it has one long dimension."""
+    """The selected row, column or index of a variable; all of it if it has one long dimension."""
     if place.reshape is not None:
         values = _reshaped(values, place.reshape, what)
     shape = " x ".join(map(str, values.shape))
@@ -65,7 +65,7 @@ def _reshaped(values: NDArray[Any], shape: tuple[int, ...], what: str) -> NDArra
 
 
 def one_dimension(values: NDArray[Any], name: str, source: str) -> NDArray[Any]:
-    """Shape (N,), or () of a single number. Raises `InputError` where several dimensions are long."""
+    """Shape (N,), or () for a single number. Raises `InputError` if several dimensions are long."""
     flat = values.reshape(()) if values.size == 1 else values.squeeze()
     if flat.ndim > 1:
         shape = " x ".join(map(str, values.shape))

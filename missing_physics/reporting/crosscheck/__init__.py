@@ -1,4 +1,4 @@
-"""Two engines on one robot: their differences, compared with their own errors, as text and plots."""
+"""Two engines on one robot: their differences compared with their integration errors, as text and plots."""
 
 from missing_physics.reporting.crosscheck.comparison import Comparison, Difference, compare
 from missing_physics.reporting.crosscheck.file import write_crosscheck

@@ -16,7 +16,7 @@ from robot_model import Robot
 
 __all__ = ["blueprint", "robot_bends", "scene_title"]
 
-#: Places beyond this many are not laid out; the data are in the file all the same.
+#: Places beyond this many are not laid out; their data are still in the file.
 MOST_TABS = 12
 #: Channels of the first tab.
 MOST_WORST = 3
@@ -111,7 +111,7 @@ def _pairs(comparison: Comparison, name: str, rows: Sequence[Sequence[Difference
         both = (comparison.reference, comparison.exudyn)
         values = [recording[channel] for recording in both for channel in channels]
         views.append(_view(f"{title} [{items[0].unit}]", [f"{value_path(c)}/**" for c in channels], values))
-        # The bands of several axes would hide one another: they are stated in the title only.
+        # The bands of several axes would hide each other: they are given in the title only.
         gaps = [f"{difference_path(c)}{'/**' if len(items) == 1 else ''}" for c in channels]
         apart = [comparison.difference(channel) for channel in channels]
         if len(items) == 1 and channels[0] in comparison.bands:

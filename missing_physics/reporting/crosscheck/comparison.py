@@ -1,15 +1,16 @@
 """Two recordings of one motion, channel by channel, and the error band of each engine.
 
-The true motion is not known, but every engine can be run once more, coarser. For a second-order method, the
-run at twice the step has four times the error, so that the difference between the two runs is three times the
-error of the finer one: as an error bound it has the safety factor 3 that P. Roache recommends where only two
+The true motion is not known, but every engine can be run again with a coarser step. For a second-order
+method, the run at twice the step has four times the error, so the difference between the two runs is three
+times the
+error of the finer one: as an error bound it has the safety factor 3 that P. Roache recommends if only two
 grids are available (J. Fluids Eng. 116 (1994) 405-413). The reference runs again at larger tolerances, and
 the difference bounds its error likewise. A difference between the engines inside the sum of the two bands is
 one that the engines' own steps explain; one outside is a difference of modelling.
 
-The bands are widened to their largest value over `WINDOW` of the run: where the difference of two runs passes
-through zero, neither is exact. They are never narrower than `SOLVED` of the largest value in the
-unit, to which both engines solve their equations.
+The bands are widened to their maximum over a window of `WINDOW` of the run: where the difference of two runs
+crosses zero, neither is exact. They are never narrower than `SOLVED` times the largest value in the unit, the
+accuracy to which both engines solve their equations.
 """
 
 from __future__ import annotations
@@ -28,13 +29,14 @@ __all__ = ["WINDOW", "Comparison", "Difference", "compare"]
 
 Array = NDArray[np.float64]
 
-#: Width of the window over which a band takes its largest value, as a share of the run. In half a second of a
-#: run of four, both runs of an engine were seen to cross, with errors of many times their difference.
+#: Width of the window over which a band takes its maximum, as a fraction of the run. Within half a second of
+#: a run of four seconds, both runs of an engine were observed to cross, with errors of many times their
+#: difference.
 WINDOW = 0.2
-#: A range below this part of the largest value, or of 1, is rounding and is not used as a scale.
+#: A range below this fraction of the largest value, or of 1, is rounding and is not used as a scale.
 FLAT = 1e-12
-#: Share of the samples that may leave a band: coarser runs are seen at every other instant, and where
-#: friction turns round a single sample may stand out between two of them.
+#: Fraction of the samples that may leave a band: coarser runs are compared at every other instant, and where
+#: friction reverses a single sample between two of them may stand out.
 FORGIVEN = 1e-3
 #: Relative error to which the engines solve their equations: tolerance of the reference run, and of Newton's
 #: iterations in Exudyn.
@@ -50,10 +52,10 @@ class Difference:
         unit: of the channel.
         largest, rms: of the difference, in the channel's unit.
         time: of the largest [s].
-        extent: greatest minus least value of the reference, in the channel's unit; 0 of a channel whose
-            changes are no more than rounding or the engines' own errors.
+        extent: range of the reference, in the channel's unit; 0 for a channel whose changes are only rounding
+            or the engines' errors.
         bound: largest value of the band, in the channel's unit; None without a band.
-        inside: share of the samples at which the difference lies inside the band; None without a band.
+        inside: fraction of the samples with the difference inside the band; None without a band.
         excess: largest difference over the band at that instant; None without a band.
     """
 
@@ -69,12 +71,12 @@ class Difference:
 
     @property
     def relative_largest(self) -> float | None:
-        """Largest difference over the channel's range; None of a channel that stays constant."""
+        """Largest difference over the channel's range; None for a constant channel."""
         return self.largest / self.extent if self.extent > 0 else None
 
     @property
     def relative_rms(self) -> float | None:
-        """Root mean square over the channel's range; None of a channel that stays constant."""
+        """Root mean square over the channel's range; None for a constant channel."""
         return self.rms / self.extent if self.extent > 0 else None
 
     @property
@@ -89,7 +91,7 @@ class Difference:
 
     @property
     def explained(self) -> bool | None:
-        """Whether the difference stays in the band, `FORGIVEN` samples left out; None without a band."""
+        """Whether the difference stays in the band except for `FORGIVEN` samples; None without a band."""
         return None if self.inside is None else self.inside >= 1.0 - FORGIVEN
 
 
@@ -110,15 +112,15 @@ class Comparison:
 
     @property
     def outside(self) -> tuple[Difference, ...]:
-        """Channels that leave their band, the one that does so by most first."""
+        """Channels that leave their band, the largest excess first."""
         found = [item for item in self.differences if item.explained is False]
         return tuple(sorted(found, key=lambda item: -(item.excess or 0.0)))
 
     @property
     def worst(self) -> Difference | None:
-        """The channel that leaves its band by most, or comes nearest to its edge.
+        """The channel with the largest excess, even if inside its band.
 
-        Without bands the one with the largest difference over its range, None where no channel has a range.
+        Without bands the one with the largest difference over its range; None if no channel has a range.
         """
         known = [item for item in self.differences if self.bands or item.relative_largest is not None]
         return max(known, key=lambda item: item.severity, default=None)
@@ -140,8 +142,8 @@ def compare(
     Args:
         robot: the description.
         reference, exudyn: of the same instants.
-        coarser: pairs of one engine's recording and the same engine's coarser one, whose instants are some of
-            the same; their differences are added up to the bands.
+        coarser: pairs of an engine's recording and its coarser one, at some of the same instants; their
+            differences are summed to the bands.
 
     Raises:
         InputError: the recordings have different instants.
@@ -165,15 +167,15 @@ def _units(robot: Robot, channels: Sequence[str]) -> dict[str, str]:
 
 
 def _family(channel: str, unit: str) -> str:
-    """Channels that share a scale: those of one unit, or of one quantity without a unit."""
+    """Key of channels that share a scale: their unit, or their quantity if they have no unit."""
     return unit if unit != "-" else channel.split(".")[1]
 
 
 def _scales(robot: Robot, reference: Recording, units: Mapping[str, str]) -> dict[str, float]:
     """Largest value of each family.
 
-    Momenta are small differences of large parts: their scale is that of the robot's mass at the speed of its
-    outer end.
+    Momenta are small differences of large contributions: their scale is the robot's mass times the speed of
+    its outer end.
     """
     found: dict[str, float] = {}
     for name, unit in units.items():

@@ -14,9 +14,9 @@ asks for it); docs/crosscheck.md shows the same table:
 ``robot/ENGINE/LINK/bent``, ``tip``  a flexible link as drawn, its deflection magnified as the view says
 ==================================== ===================================================================
 
-The only timeline is ``sim_time``, in seconds. All series together hold at most `MOST_SAMPLES` samples:
-longer ones are thinned by the least and greatest sample of each stretch, so that the largest differences
-survive, and the summary says so. Everything is written in columns, one chunk for each series.
+The only timeline is ``sim_time``, in seconds. All series together have at most `MOST_SAMPLES` samples: longer
+ones are reduced to minimum and maximum of each stretch, which preserves the largest differences and is
+mentioned in the summary. Everything is written in columns, one chunk for each series.
 """
 
 from __future__ import annotations
@@ -51,19 +51,19 @@ __all__ = ["MOST_SAMPLES", "samples_per_series", "write_crosscheck"]
 MOST_SAMPLES = 1_200_000
 #: Lines of a channel: two engines, their difference, two edges of the band.
 LINES = 5
-#: A thinned series keeps at least so many samples, whatever their number.
+#: Least number of samples of a reduced series.
 FEWEST = 100
 
 Array = NDArray[np.float64]
 
 
 def samples_per_series(comparison: Comparison) -> int:
-    """Samples to which series are thinned; longer recordings than this are not written whole."""
+    """Largest number of samples per series; longer recordings are reduced."""
     return max(MOST_SAMPLES // max(LINES * len(comparison.differences), 1), FEWEST)
 
 
 def write_crosscheck(robot: Robot, comparison: Comparison, path: str | os.PathLike[str]) -> None:
-    """Write `comparison` for `robot` to a rerun file (see the module's text), whole or not at all.
+    """Write `comparison` for `robot` to a rerun file (see the module's docstring), atomically.
 
     Raises:
         InputError: the folder cannot be written.
@@ -94,7 +94,7 @@ def write_crosscheck(robot: Robot, comparison: Comparison, path: str | os.PathLi
 
 def _send_channel(stream: rr.RecordingStream, comparison: Comparison, channel: str, limit: int) -> None:
     time = comparison.reference.time
-    # rerun draws in the order of the paths, so that the reference lies thin upon Exudyn.
+    # rerun draws in the order of the paths, so the thin reference is on top of Exudyn.
     for engine, width in (("reference", 1.5), ("exudyn", 4.0)):
         values = (comparison.reference if engine == "reference" else comparison.exudyn)[channel]
         look = rr.SeriesLines(colors=colour(channel, engine), names=f"{engine} {channel}", widths=width)

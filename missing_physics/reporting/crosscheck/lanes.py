@@ -20,7 +20,7 @@ STICKS, FORWARDS, BACKWARDS = "sticks", "slips forwards", "slips backwards"
 COLOURS = {STICKS: palette.HELD_OUT, FORWARDS: palette.FORWARDS, BACKWARDS: palette.BACKWARDS}
 #: Effects with a friction level at rest.
 DRY = ("coulomb_friction", "stribeck_friction", "lugre_friction", "asymmetric_friction")
-#: Most states per lane; a lane with more is a joint that chatters, and shows the first ones.
+#: Most states per lane; only the first ones of a chattering joint are shown.
 MOST_STATES = 20_000
 
 

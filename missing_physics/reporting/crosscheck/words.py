@@ -26,7 +26,7 @@ GROUPS = {
     "reference motion": ("reference_position", "reference_velocity"),
 }
 BASE, LINKS, WHOLE = "base", "flexible links", "whole robot"
-#: Group of a joint's quantities that are in no other group.
+#: Group of a joint's quantities that belong to no other group.
 DRIVES = "drives and friction"
 #: Channels named in one sentence.
 MOST_NAMED = 3
@@ -59,7 +59,7 @@ def _worst(comparison: Comparison) -> str:
 
 
 def quantity(item: Difference) -> str:
-    """The largest difference with its unit, where there is one."""
+    """The largest difference with its unit, if any."""
     return f"{number(item.largest, 2)} {item.unit}".removesuffix(" -")
 
 
@@ -142,7 +142,7 @@ def _line(item: Difference, width: int, *, worst: bool, columns: Sequence[str]) 
 
 
 def _floored(share: float) -> int:
-    """Per cent, never 100 of a channel that leaves its band."""
+    """Per cent, never 100 for a channel that leaves its band."""
     return int(100 * share)
 
 

@@ -25,7 +25,7 @@ EXPENDABLE = (4, 1)
 
 
 def comparison_rows(diagnosis: Diagnosis) -> list[Sequence[str]]:
-    """One row per channel: place, four held-out rms, unit; empty where nothing was compared."""
+    """One row per channel: place, four held-out rms, unit; empty if nothing was compared."""
     return [
         (
             named_channel(channel),
@@ -40,22 +40,22 @@ def comparison_rows(diagnosis: Diagnosis) -> list[Sequence[str]]:
 
 
 def comparison_note(diagnosis: Diagnosis) -> str:
-    """What is missing in the table, or why the robot file does not hold the answer; empty if nothing.
+    """What is missing in the table, or why the robot file does not hold the answer; else empty.
 
-    An answer that is worse as a whole is mentioned in the verdict instead.
+    An answer that is worse over all channels is mentioned in the verdict instead.
     """
     in_verdict = diagnosis.findings and diagnosis.comparison.written in ("standard", "nominal")
     return "" if in_verdict else diagnosis.comparison.words
 
 
 def named_channel(channel: str) -> str:
-    """``joint1`` for ``joint1.torque``; other channels by their whole name."""
+    """``joint1`` for ``joint1.torque``; other channels by their full name."""
     place, _, quantity = channel.rpartition(".")
     return place if quantity == "torque" else channel
 
 
 def timing_lines(diagnosis: Diagnosis) -> list[str]:
-    """Time offsets between channels due to the recording, in one line; empty where there are none.
+    """Time offsets between channels due to the recording, in one line; empty if there are none.
 
     Only offsets shared by all joints are reported as timing, so channels of one quantity belong together.
     """
@@ -71,7 +71,7 @@ def timing_lines(diagnosis: Diagnosis) -> list[str]:
 def _late(quantity: str, group: Sequence[Timing], more: bool) -> str:
     """``torque is 0.52 samples (2.1 ms) late, which was corrected``.
 
-    `more` where it was found in channels that had been shifted before, and is additional.
+    `more`: the delay is additional, found in channels that had already been shifted.
     """
     early = all(one.samples < 0.0 for one in group)
     sign = -1.0 if early else 1.0

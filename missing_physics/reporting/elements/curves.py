@@ -40,7 +40,7 @@ def drawn(item: Unnamed, robot: Robot) -> Drawn:
     prismatic = any(joint.name == item.location and joint.kind == "prismatic" for joint in robot.joints)
     low, high = np.array(curve.ci95).T
     return Drawn(
-        title=f"What {item.location} takes beyond the model, over {in_words(variable)}",
+        title=f"Torque of {item.location} beyond the model, over {in_words(variable)}",
         across=f"{in_words(variable)} [{unit_of(variable, prismatic=prismatic)}]",
         upright=f"{item.channel} [{item.unit}]",
         knots=np.array(knots),

@@ -1,4 +1,4 @@
-"""Fewer samples to draw, with every spike kept."""
+"""Decimation for plots that keeps every spike."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ __all__ = ["envelope_indices", "intervals"]
 
 
 def envelope_indices(values: NDArray[np.float64], limit: int) -> NDArray[np.intp]:
-    """Indices of the samples to draw: the least and the greatest of each of `limit` // 2 stretches.
+    """Indices of the samples to draw: minimum and maximum of each of `limit` // 2 stretches.
 
     Args:
         values: shape (N,); NaN marks a gap.
-        limit: most samples wanted, at least 4.
+        limit: largest number of samples, at least 4.
 
     Returns:
-        Rising indices, shape (M,) with M <= `limit`; all of them when N <= `limit`. The first and the
-        last sample are among them, and so are the extremes of the whole series.
+        Increasing indices, shape (M,) with M <= `limit`; all of them if N <= `limit`. They include the
+        first and the last sample, and the extremes of the complete series.
     """
     count = values.size
     if count <= limit:

@@ -1,4 +1,4 @@
-"""Figures as plotly specifications: plain dictionaries with packed arrays, safe to stand in a page."""
+"""Figures as plotly specifications: plain dictionaries with packed arrays, safe to embed in a page."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def swatch(name: str, colour: str) -> Spec:
 
 
 def rectangle(x0: float, x1: float, colour: str, **more: Any) -> Spec:
-    """A vertical band over the whole height of the panels."""
+    """A vertical band over the full height of the panels."""
     return {
         "type": "rect",
         "xref": "x",

@@ -33,7 +33,7 @@ TINY_P_VALUE = 1e-12
 
 
 def percent(share: float | None) -> str:
-    """A share as per cent: whole, or with one digit below 10 %."""
+    """A fraction in per cent: as an integer, or with one decimal below 10 %."""
     if share is None or not math.isfinite(share):
         return ABSENT
     if abs(share) < 0.0005:
@@ -42,7 +42,7 @@ def percent(share: float | None) -> str:
 
 
 def probability_text(probability: float) -> str:
-    """A probability as per cent that never claims certainty."""
+    """A probability in per cent that never claims certainty."""
     if not math.isfinite(probability):
         return ABSENT
     if probability > 0.999:
@@ -65,7 +65,7 @@ def estimate_text(estimate: Estimate) -> str:
 
 
 def plus_minus_text(estimate: Estimate) -> str:
-    """``4.40 ± 0.30 N m`` where the interval is symmetric to a tenth of its width, else as an interval."""
+    """``4.40 ± 0.30 N m`` if the interval is symmetric to a tenth of its width, else as an interval."""
     value, low, high = estimate.value, *estimate.ci95
     half = (high - low) / 2
     if not math.isfinite(half) or abs((high + low) / 2 - value) > 0.1 * half or half == 0.0:
@@ -81,7 +81,7 @@ def effect_of(effect_id: str) -> Effect | None:
 
 
 def effect_title(effect_id: str) -> str:
-    """The effect's name for people."""
+    """The effect's title."""
     effect = effect_of(effect_id)
     return effect.title if effect else effect_id.replace("_", " ")
 
@@ -114,9 +114,9 @@ def finding_text(finding: Finding) -> str:
 
 
 def undetermined_text(finding: Finding) -> str:
-    """``These data do not determine: mass, inertia_yy.``; empty where they determine every number.
+    """``These data do not determine: mass, inertia_yy.``; empty if they determine every parameter.
 
-    A parameter whose posterior interval is as wide as the prior one is not determined, and is not stated.
+    A parameter whose posterior interval is as wide as the prior one is not determined, and is not reported.
     """
     undetermined = [name for name, estimate in finding.parameters.items() if not estimate.narrowed]
     return f"These data do not determine: {', '.join(undetermined)}." if undetermined else ""

@@ -21,7 +21,7 @@ class Run:
 
     Attributes:
         name: as in paths.
-        source: for people.
+        source: displayed name.
         recording: the recording's own source.
         role: whether it was fitted or scored.
         series: with the worst mismatch first.
@@ -39,7 +39,7 @@ class Run:
 
 
 def runs(result: Result) -> tuple[Run, ...]:
-    """One run per recording and role, in the order of the result; series without samples are left out.
+    """One run per recording and role, in the order of the result; series without samples are skipped.
 
     Two recordings with the same name are distinguished by a channel that occurs twice.
     """

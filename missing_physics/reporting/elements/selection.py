@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 def short_names(result: Result) -> Mapping[str, str]:
-    """Each recording's file name without the folder, or its full name where two would be equal."""
+    """Each recording's file name without the folder, or its full name if two would be equal."""
     used = (
         *result.diagnosis.recordings,
         *result.diagnosis.validation,
@@ -41,7 +41,7 @@ def short_names(result: Result) -> Mapping[str, str]:
 
 
 def mismatch_of(result: Result, channel: str) -> Mismatch | None:
-    """The mismatch found in a channel, where there is one."""
+    """The mismatch found in a channel, if any."""
     return next((m for m in result.diagnosis.mismatch if m.channel == channel), None)
 
 

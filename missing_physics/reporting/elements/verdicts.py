@@ -1,4 +1,4 @@
-"""The verdicts in words, for every writer alike."""
+"""The verdicts in words, shared by all writers."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def meaning(diagnosis: Diagnosis) -> str:
 
 
 def named_text(diagnosis: Diagnosis) -> str:
-    """Missing effects and places, on one line; for a verdict without a name, the places of the mismatch."""
+    """Missing effects and places, on one line; without findings, the places of the mismatch."""
     if diagnosis.findings:
         doubted = "perhaps " if diagnosis.verdict == "unexplained" else ""
         return doubted + "; ".join(_places(diagnosis))
@@ -121,7 +121,7 @@ def moved_texts(diagnosis: Diagnosis) -> list[str]:
 
 
 def _in_file(change: ParameterChange) -> str:
-    """Value in the robot file, which need not say that there are rotors."""
+    """Value in the robot file, which may not state rotors."""
     if change.nominal == 0.0 and change.name.endswith(".reflected_inertia"):
         return "not in the robot file"
     return f"in the robot file {number(change.nominal, 4)}"
@@ -136,15 +136,15 @@ def by_place(diagnosis: Diagnosis) -> dict[str, list[Finding]]:
 
 
 def name_text(finding: Finding) -> str:
-    """The effect; in brackets alternatives that cannot be told apart from it."""
+    """The effect; in brackets alternatives that cannot be distinguished from it."""
     rivals = [rival_text(rival, finding.location) for rival in finding.ambiguous_with]
     either = f" (or {joined(rivals, 'or')})" if rivals else ""
     return f"{effect_title(finding.effect)}{either}"
 
 
 def located_first_to_last(diagnosis: Diagnosis) -> list[Mismatch]:
-    """Where the nominal robot and the recording differ, by share; torques and positions have shares of their
-    own, and torques come first."""
+    """Where the nominal robot and the recording differ, by share; torques come first, then positions, whose
+    shares are separate."""
     return sorted(diagnosis.mismatch, key=lambda m: (not m.channel.endswith(".torque"), -m.share))
 
 

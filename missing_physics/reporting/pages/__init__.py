@@ -1,1 +1,1 @@
-"""HTML pages that need no network: the report, an effect, a challenge."""
+"""Self-contained HTML pages: the report, an effect, a challenge."""

@@ -1,4 +1,4 @@
-"""The score of a blind challenge as one HTML file, made as the report of a diagnosis is."""
+"""The score of a blind challenge as one HTML file, like the report of a diagnosis."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from plotly.offline import get_plotlyjs
 
 from missing_physics.challenge.cases.families import MEANING
-from missing_physics.challenge.page import case_line, falls_short, interval, percent, proper, wanted
+from missing_physics.challenge.page import case_line, falls_short, interval, percent, proper_scores, wanted
 from missing_physics.challenge.scoring.result import Report
 from missing_physics.challenge.scoring.shares import FEW
 from missing_physics.challenge.scoring.shortfalls import shortfalls
@@ -24,7 +24,7 @@ ROW, AROUND = 24, 230
 
 
 def write_challenge(report: Report, path: str | os.PathLike[str], *, title: str = "Blind challenge") -> None:
-    """Write the page to `path`, whole or not at all. Raises `InputError` when it cannot be written."""
+    """Write the page to `path` atomically. Raises `InputError` if it cannot be written."""
     write_atomically(path, render_challenge(report, title=title))
 
 
@@ -47,7 +47,7 @@ def render_challenge(report: Report, *, title: str = "Blind challenge") -> str:
             wanted=wanted,
             case_line=case_line,
             short=falls_short(report, found),
-            proper=proper(found),
+            proper=proper_scores(found),
             shortfalls=shortfalls(report.scores),
             style=asset("style.css"),
             library=library,
@@ -96,7 +96,7 @@ def _calibration(found: Summary) -> Figure:
 
 
 def _confusion(found: Summary) -> Figure:
-    """How often what was named for what was hidden."""
+    """Confusion matrix: number of cases by named and hidden effect."""
     hidden = sorted({truth for truth, _ in found.confusion}, reverse=True)
     named = sorted({name for _, name in found.confusion})
     counts = [[found.confusion.get((truth, name), 0) for name in named] for truth in hidden]

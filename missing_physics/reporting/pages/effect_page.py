@@ -1,4 +1,4 @@
-"""An effect's page: one HTML file that needs no network, with the plot of how the effect shows."""
+"""An effect's page: one self-contained HTML file, with a plot of the effect in a simulation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["render_effect", "write_effect"]
 
 
 def write_effect(effect: Effect, path: str | os.PathLike[str]) -> None:
-    """Write the page to `path`, whole or not at all.
+    """Write the page to `path` atomically.
 
     Raises:
         InputError: the folder cannot be written.
@@ -22,7 +22,7 @@ def write_effect(effect: Effect, path: str | os.PathLike[str]) -> None:
 
 
 def render_effect(effect: Effect) -> str:
-    """The page as text, in which only the picture, which this package holds, is taken as it is."""
+    """The page as text; only the picture, which belongs to this package, is not escaped."""
     picture = picture_of(effect)
     return (
         environment()

@@ -1,8 +1,9 @@
 """The HTML report: one file that needs no network, opens from a disk and prints.
 
-Every text passes through autoescaping; figures are JSON that cannot close its script element. As a second
-wall the page carries a content security policy that allows no request at all, and only the two scripts
-that this module wrote, by their digests: should a name ever slip through, it would still not run.
+All text is autoescaped; figures are JSON that cannot close its script element. As a second barrier the page
+has a content security policy that allows no requests, and only the two scripts written by this module, by
+their
+digests: injected code would not run.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ __all__ = ["asset", "environment", "policy", "render_html", "write_html"]
 
 
 def write_html(result: Result, robot: Robot, path: str | os.PathLike[str]) -> None:
-    """Write the report of `result` for the nominal `robot` to `path`, whole or not at all.
+    """Write the report of `result` for the nominal `robot` to `path` atomically.
 
     Raises:
         InputError: the folder cannot be written.
@@ -67,7 +68,7 @@ def environment() -> Environment:
 
 
 def asset(name: str) -> str:
-    """A file among the templates, as it is."""
+    """Text of a file among the templates."""
     return resources.files("missing_physics.reporting").joinpath("templates", name).read_text("utf-8")
 
 

@@ -18,7 +18,7 @@ def figure_of(result: Result, robot: Robot, channel: str | None = None) -> Figur
     Args:
         result: a diagnosis.
         robot: nominal.
-        channel: as ``joint1.torque``; None for the most informative one.
+        channel: such as ``joint1.torque``; None for the most informative one.
 
     Raises:
         InputError: nothing was compared, or not that channel.
@@ -26,7 +26,7 @@ def figure_of(result: Result, robot: Robot, channel: str | None = None) -> Figur
     drawn = drawn_series(result)
     names = [series.channel for series in drawn]
     if not drawn:
-        raise InputError("nothing was compared over time, so that there is nothing to plot.")
+        raise InputError("nothing was compared over time, so there is nothing to plot.")
     if channel is not None and channel not in names:
         raise InputError(f"'{channel}' was not compared; compared were {', '.join(dict.fromkeys(names))}.")
     found = overlay.section(result, robot).figures[0 if channel is None else names.index(channel)]

@@ -1,1 +1,1 @@
-"""A robot in three dimensions, moving: lines, boxes and bent links."""
+"""A moving robot in 3-D: lines, boxes and bent links."""

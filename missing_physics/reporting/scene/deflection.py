@@ -2,8 +2,8 @@
 
 A link is drawn from the deflection of its tip, which simulations and recordings contain. Between root
 and tip it has the shape to which a force at its tip bends a clamped Euler-Bernoulli beam,
-w(s) = (3 s^2 - s^3) / 2 with s from 0 at the root to 1 at the tip, so that higher modes show at the tip only.
-All figures are in m and in the link's frame.
+w(s) = (3 s^2 - s^3) / 2 with s from 0 at the root to 1 at the tip, so higher modes are visible at the tip
+only. All values are in m and in the link's frame.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: Points of a drawn line.
 POINTS = 17
-#: The largest drawn deflection as a share of the link's length: plain to see, and still the same link.
+#: The largest drawn deflection as a fraction of the link's length: clearly visible, but recognisable.
 SHOWN = 0.12
 
 
@@ -46,7 +46,7 @@ def bent_line(link: Link, deflection: Array) -> Array:
 
     Args:
         link: a flexible link.
-        deflection: of the tip as it is to be drawn, shape (N, 3).
+        deflection: of the tip as drawn, shape (N, 3).
 
     Returns:
         Shape (N, POINTS, 3).
@@ -56,7 +56,7 @@ def bent_line(link: Link, deflection: Array) -> Array:
 
 
 def held_by(link: Link, origin: Array, deflection: Array) -> tuple[Array, Array]:
-    """How far a place on the link moves and turns with it.
+    """Displacement and rotation of a point on the link.
 
     Args:
         link: a flexible link.
@@ -75,7 +75,7 @@ def held_by(link: Link, origin: Array, deflection: Array) -> tuple[Array, Array]
 
 
 def magnification(links: tuple[Link, ...], deflections: tuple[Array, ...]) -> float:
-    """Factor on all drawn deflections, 1, 2 or 5 times a power of ten, that makes the largest plain to see.
+    """Factor on all drawn deflections, 1, 2 or 5 times a power of ten, to make the largest clearly visible.
 
     Args:
         links: flexible links.

@@ -23,14 +23,14 @@ Colour = tuple[int, int, int]
 
 #: Opacity of boxes, of 255.
 OPACITY = 100
-#: Wires lie a little outside of a solid of the same size, where they can be seen.
+#: Wires lie slightly outside a solid of the same size, so that they are visible.
 OUTSIDE = 1.02
-#: Radii of lines and of a tip as shares of the robot's reach: a rod, or a wire that shows upon it.
+#: Radii of lines and of a tip as fractions of the robot's reach: a rod, or a wire visible on it.
 ROD, WIRE, TIP, WIRE_TIP = 0.006, 0.0025, 0.012, 0.007
 #: The undeformed line of a flexible link.
 REST_COLOUR = (110, 110, 110)
 REST_RADIUS = 0.0008
-#: A view shows at least so much, as a share of the robot's reach.
+#: Least extent of a view, as a fraction of the robot's reach.
 SMALLEST_VIEW = 0.6
 #: Signs of the corners of a box.
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])

@@ -1,4 +1,4 @@
-"""Position of the eye of a 3-D view, so that the moving parts fill the picture."""
+"""Eye position of a 3-D view, so that the moving parts fill the picture."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["Eye", "eye_on"]
 
 Array = NDArray[np.float64]
 
-#: The viewer's opening angle from top to bottom, and width over height of the views that are laid out.
+#: The viewer's vertical opening angle, and aspect ratio of the views.
 OPENING, ASPECT = np.radians(55.0), 1.15
-#: Share of the picture that is filled at most.
+#: Largest fraction of the picture that is filled.
 FILLED = 0.88
 #: Height of the eye above the horizon, and directions it may look from, round the vertical; all are in front.
 ELEVATION = np.radians(24.0)
@@ -31,11 +31,11 @@ class Eye:
 
     @property
     def controls(self) -> rrb.EyeControls3D:
-        """For a view of the rerun viewer."""
+        """Controls for a view of the rerun viewer."""
         return rrb.EyeControls3D(position=self.position, look_target=self.target, eye_up=UP)
 
     def seen(self, points: Array) -> Array:
-        """Where points (M, 3) are in the picture, shape (M, 2): its edges are at 1 and -1."""
+        """Positions of points (M, 3) in the picture, shape (M, 2): its edges are at 1 and -1."""
         toward = (self.position - self.target) / np.linalg.norm(self.position - self.target)
         across, along = _axes(toward)
         offset = points - self.position
@@ -44,11 +44,11 @@ class Eye:
 
 
 def eye_on(points: Array, *, least: float) -> Eye:
-    """From in front and above, from the side that shows most, as near as all points allow.
+    """An eye in front and above, on the side that shows most, as near as all points allow.
 
     Args:
-        points: what is to be seen at any time, shape (M, 3) [m].
-        least: the size that a picture shows at least, for what hardly moves or has no extent [m].
+        points: everything visible at any time, shape (M, 3) [m].
+        least: smallest extent of the picture, for content that hardly moves or has no extent [m].
     """
     directions = [
         np.array([np.cos(ELEVATION) * np.cos(a), np.cos(ELEVATION) * np.sin(a), np.sin(ELEVATION)])
@@ -70,13 +70,13 @@ def eye_on(points: Array, *, least: float) -> Eye:
 
 
 def _axes(toward: Array) -> tuple[Array, Array]:
-    """To the right and upwards in the picture of an eye in the direction `toward`, unit vectors."""
+    """Unit vectors to the right and upwards in the picture of an eye in the direction `toward`."""
     across = np.cross(UP, toward)
     across /= np.linalg.norm(across)
     return across, np.cross(toward, across)
 
 
 def _tangents() -> Array:
-    """Of half the opening angles across and along, shape (2,)."""
+    """Tangents of half the horizontal and vertical opening angles, shape (2,)."""
     along = float(np.tan(OPENING / 2))
     return np.array([ASPECT * along, along])

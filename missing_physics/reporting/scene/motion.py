@@ -1,8 +1,8 @@
 """The recorded motion of a diagnosed robot for the 3-D view.
 
 Joint positions come from the result. A recorded free base (attitude, position) and recorded flexible links
-(deflection of the tip) are drawn too; otherwise the base stays at its initial pose and links are straight,
-which the view's title says.
+(deflection of the tip) are drawn too; otherwise the base stays at its initial pose and links are straight, as
+stated in the view's title.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motion:
-    """What is drawn of one recording.
+    """The drawing of one recording.
 
     Attributes:
         time: instants of the poses [s], shape (N,).
         recorded: the robot as recorded.
-        title: of the view: what moves, what does not, by what factor deflections are magnified.
-        eye: that sees all of the motion.
+        title: of the view: what moves, what does not, and the magnification of deflections.
+        eye: that sees the complete motion.
     """
 
     time: Array
@@ -57,7 +57,7 @@ def motion(run: Run, robot: Robot, recording: Recording | None = None) -> Motion
     Args:
         run: of the result.
         robot: the nominal robot.
-        recording: that the run is about, where it is at hand.
+        recording: the recording of the run, if available.
     """
     time = _instants(run, robot)
     if time.size == 0:
@@ -123,9 +123,9 @@ def _positions(run: Run, robot: Robot, time: Array) -> dict[str, Array]:
 def _columns(
     recording: Recording | None, names: list[str], time: Array, *, quaternion: bool = False
 ) -> Array | None:
-    """Channels at `time`, shape (N, len(names)); None where one is missing or holds nothing.
+    """Channels at `time`, shape (N, len(names)); None if one is missing or empty.
 
-    Of a quaternion either sign is the same attitude; the one nearer to the sample before is taken.
+    Both signs of a quaternion are the same attitude; the one nearer to the previous sample is taken.
     """
     if recording is None or any(name not in recording for name in names):
         return None
@@ -157,7 +157,7 @@ def _base(robot: Robot, recording: Recording | None, time: Array) -> Poses | Non
 def _deflections(
     robot: Robot, recording: Recording | None, time: Array
 ) -> tuple[dict[str, Array], float | None]:
-    """Flexible link to the deflection of its tip as drawn, and the factor; None where none was recorded."""
+    """Flexible link to the deflection of its tip as drawn, and the factor; None if none was recorded."""
     found = {}
     for link in robot.flexible_links:
         moved = _columns(recording, [f"{link.name}.tip_deflection.{axis}" for axis in "xyz"], time)

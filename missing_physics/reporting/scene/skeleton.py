@@ -1,7 +1,7 @@
 """The robot as lines and boxes, and its pose over time: for drawing only.
 
-Own forward kinematics, since no picture needs more; neither engine is asked. All figures are in m and in
-the inertial frame unless said otherwise; a rotation matrix maps a body's coordinates into that frame.
+It has its own forward kinematics and needs neither engine. All values are in m and in the inertial frame
+unless stated otherwise; a rotation matrix maps a body's coordinates into that frame.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ __all__ = ["BodyShape", "Poses", "body_shapes", "poses", "reach"]
 
 Array = NDArray[np.float64]
 
-#: Half width of a drawn link as a share of the robot's size, where its inertia does not say better.
+#: Half width of a drawn link as a fraction of the robot's size, if its inertia gives no estimate.
 SLIMMEST = 0.012
 WIDEST = 0.12
-#: The same for a body of which no extent is known.
+#: The same for a body of unknown size.
 PLAIN = 0.08
 
 
@@ -88,13 +88,13 @@ def poses(
     """Body name (`base` included) to its poses at N instants.
 
     Args:
-        robot: the description.
-        positions: joint name to its positions, all of shape (N,) [rad or m]; a moving joint that is not
-            among them stays at its initial position.
-        base: poses of a free base; where left out it stays where the description starts it.
-        attitudes: of spherical joints, child to joint axes, shape (N, 3, 3); identity where left out.
-        deflections: of the tips of flexible links as they are to be drawn, shape (N, 3) [m]; what a link
-            carries moves with it.
+        robot: the robot.
+        positions: joint name to its positions, all of shape (N,) [rad or m]; other moving joints stay at
+        their
+            initial positions.
+        base: poses of a free base; its initial pose when None.
+        attitudes: of spherical joints, child to joint axes, shape (N, 3, 3); identity by default.
+        deflections: of the tips of flexible links as drawn, shape (N, 3) [m]; attached bodies move with them.
     """
     count = max([values.size for values in positions.values()] + [len(base.translation) if base else 1])
     still = Poses(
@@ -139,14 +139,14 @@ def _turn(joint: Joint, values: Array) -> Array:
 
 
 def _far_end(link: Link) -> Array:
-    """What is drawn farthest from a link's frame besides its joints, in its frame [m], shape (3,)."""
+    """The farthest drawn point of a link except its joints, in its frame [m], shape (3,)."""
     return tip_of(link) if link.flexible else np.asarray(link.center_of_mass, dtype=float)
 
 
 def _shape(robot: Robot, name: str, body: Inertial, size: float) -> BodyShape:
     centre = np.asarray(body.center_of_mass, dtype=float)
     outboard = [joint for joint in robot.joints if joint.parent == name]
-    # A flexible link is a bent line of its own, from which its joints do not stand off.
+    # A flexible link is drawn as a separate bent line that includes its joints.
     flexible = isinstance(body, Link) and body.flexible
     ends = () if flexible else (centre, *(np.asarray(joint.origin) for joint in outboard))
     arms = [np.array([np.zeros(3), end]) for end in ends]
@@ -160,7 +160,7 @@ def _shape(robot: Robot, name: str, body: Inertial, size: float) -> BodyShape:
 
 
 def _rail(joint: Joint, size: float) -> Array:
-    """What a prismatic joint slides along, in its parent's frame [m], shape (2, 3)."""
+    """Rail of a prismatic joint, in its parent's frame [m], shape (2, 3)."""
     low, high = joint.position_limits or (-size / 2, size / 2)
     along = _rotation(joint.rpy) @ joint.unit_axis
     return np.asarray(joint.origin) + np.outer([low, high], along)

@@ -15,11 +15,11 @@ __all__ = ["Maker", "Section"]
 
 @dataclass(frozen=True)
 class Section:
-    """One section: its anchor, heading, template, and what the template shows.
+    """One section: its anchor, heading, template, and the template's content.
 
     Attributes:
         anchor: identifier in the page; also the name of the template, ``ANCHOR.html``.
-        heading: for people.
+        heading: displayed heading.
         values: read in the template as `s`.
         figures: read in the template as `figures`.
     """
@@ -31,7 +31,7 @@ class Section:
 
 
 class Maker(Protocol):
-    """Every module of this package has such a function named `section`."""
+    """Interface of the function `section` in every module of this package."""
 
     def __call__(self, result: Result, robot: Robot) -> Section | None:
-        """The section, or None when the result holds nothing for it."""
+        """The section, or None if the result has no content for it."""

@@ -21,7 +21,7 @@ __all__ = ["section"]
 
 
 def section(result: Result, robot: Robot) -> Section:
-    """One block per finding, those of a place together; a sentence when there is none."""
+    """One block per finding, grouped by place; a sentence if there is none."""
     diagnosis = result.diagnosis
     together = [_finding(f) for found in by_place(diagnosis).values() for f in found]
     return Section(

@@ -10,7 +10,7 @@ __all__ = ["section"]
 
 
 def section(result: Result, robot: Robot) -> Section:
-    """The list, or the statement that there was no such limit."""
+    """The list, or the statement that everything could be determined."""
     return Section(
         anchor="limits",
         heading="What could not be determined",

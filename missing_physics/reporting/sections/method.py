@@ -1,4 +1,4 @@
-"""How the answer was made: data, method, notes, versions, and the augmented robot's file."""
+"""How the answer was obtained: data, method, notes, versions, and the augmented robot file."""
 
 from __future__ import annotations
 

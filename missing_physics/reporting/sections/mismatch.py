@@ -16,7 +16,7 @@ MOST_LISTED = 6
 
 
 def section(result: Result, robot: Robot) -> Section:
-    """One row per channel, torques first, the one with most unexplained energy before others."""
+    """One row per channel, torques first, by unexplained energy."""
     rows = located_first_to_last(result.diagnosis)
     prismatic = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
     return Section(

@@ -1,4 +1,4 @@
-"""The nominal robot's own parameters, re-estimated together with the findings."""
+"""The nominal robot's parameters, re-estimated together with the findings."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ __all__ = ["section"]
 
 #: Most parameters listed on the first screen; all are in a table further down.
 MOST_MOVED = 5
-#: With more findings than these the answer in a paragraph is folded away: it repeats what stands above it.
+#: With more findings than this the summary paragraph is folded: it repeats the list above it.
 MOST_IN_WORDS = 4
 
 
@@ -57,7 +57,7 @@ def section(result: Result, robot: Robot) -> Section:
 
 
 def _places(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Each place with its effects and their probabilities; empty where one line says it."""
+    """Each place with its effects and their probabilities; empty if one line suffices."""
     found = by_place(diagnosis)
     if len(found) < 2 or diagnosis.verdict == "unexplained":
         return []

@@ -1,1 +1,1 @@
-"""Printed output: the summary, an inspection, tables and plots of characters."""
+"""Printed output: the summary, an inspection, tables and character plots."""

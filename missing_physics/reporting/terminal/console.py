@@ -1,4 +1,4 @@
-"""The console of every command: names and sentences are printed as they are, never read as markup."""
+"""The console of every command: names and sentences are printed literally, never as markup."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _CONTROL = {code: _SHOWN_AS for code in (*range(0x20), *range(0x7F, 0xA0)) if ch
 
 
 class PlainConsole(Console):
-    """A console that reads nothing into a text: no markup, no emoji codes, no control characters.
+    """A console that prints text literally: no markup, no emoji codes, no control characters.
 
-    What is to be bold or coloured is said by a style (`styled`, or the argument `style` of `print`).
+    Bold or coloured text is given by a style (`styled`, or the argument `style` of `print`).
     """
 
     def __init__(self, **options: Any) -> None:
@@ -33,7 +33,7 @@ class PlainConsole(Console):
 
 
 class DescriptionColumn(TextColumn):
-    """What a task of a progress display does, as it is."""
+    """Description of a task in a progress display, printed literally."""
 
     def __init__(self) -> None:
         super().__init__("{task.description}", markup=False)

@@ -17,11 +17,11 @@ _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 
 
 def print_inspection(content: dict[str, Any], console: PlainConsole) -> None:
-    """Print what is in a recording: channels, motion, findings, outlook.
+    """Print an inspection: channels, motion, findings, outlook.
 
     Args:
         content: of `missing_physics.inspect`.
-        console: where to.
+        console: the output.
     """
     console.print(content["source"], style="bold", soft_wrap=True)
     console.print(
@@ -51,7 +51,7 @@ def print_inspection(content: dict[str, Any], console: PlainConsole) -> None:
 
 
 def _print_whole(table: Table, console: PlainConsole) -> None:
-    """A table with all names and numbers, whose lines a narrower terminal breaks."""
+    """Print a table with all names and numbers; its lines break on a narrower terminal."""
     table.width = console.measure(table, options=console.options.update(width=WIDEST)).maximum
     console.print(table, soft_wrap=True)
 

@@ -1,7 +1,7 @@
 """The catalogue's pictures drawn with characters, for terminals.
 
-A picture is read from its own SVG, as `benchmarks.svg_lines` writes it with one panel: curves and marks of
-the axes stay where they are, in its pixels, and marks keep their words.
+A picture is read from its SVG, as written by `benchmarks.svg_lines` with one panel: curves and axis marks
+keep their positions in its pixels, and marks keep their text.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Curve:
 
 @dataclass
 class Plot:
-    """What a picture shows; marks are (pixel, word)."""
+    """The content of a picture; marks are (pixel, word)."""
 
     title: str = ""
     x_label: str = ""

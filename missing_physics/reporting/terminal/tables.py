@@ -1,4 +1,4 @@
-"""Tables for a terminal of any width: names break, numbers never do."""
+"""Tables for a terminal of any width: names may be wrapped, numbers never."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rich.text import Text
 
 __all__ = ["number_table"]
 
-#: Characters below which a column of names is not narrowed: shorter pieces of names cannot be read.
+#: Smallest width of a column of names [characters]: shorter pieces of names are unreadable.
 SHORTEST_NAME = 12
 #: Blanks between two columns.
 GAP = 2
@@ -29,15 +29,15 @@ def number_table(
 ) -> RenderableType:
     """A table whose first column holds names and whose others hold numbers.
 
-    Where the terminal is narrow, names break, then columns are left out, and finally every number has a
-    separate line below its name.
+    On a narrow terminal names are wrapped, then columns are dropped, and finally every number has a separate
+    line below its name.
 
     Args:
         rows: cells, as many in each row.
         console: on which it is printed; its width counts.
-        headings: of the columns; none where numbers speak for themselves.
+        headings: of the columns; may be empty.
         right: columns that are flush right.
-        expendable: columns that may be left out, the first to go first.
+        expendable: columns that may be dropped, in this order.
         indent: blanks on the left.
     """
     cells = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]

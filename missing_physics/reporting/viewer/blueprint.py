@@ -12,7 +12,7 @@ from missing_physics.results.result import ChannelSeries
 
 __all__ = ["blueprint"]
 
-#: Tabs beyond this many are not laid out; the data are in the file all the same.
+#: Tabs beyond this many are not laid out; their data are still in the file.
 MOST_TABS = 12
 
 

@@ -31,9 +31,9 @@ WIDTH, HEIGHT = 3.0, 2.0
 NEAR, FAR, TICK = 0.12, 0.3, 0.04
 #: Visible part of the plane.
 BOUNDS = rrb.VisualBounds2D(x_range=[-0.7, WIDTH + 0.3], y_range=[-0.5, HEIGHT + 0.6])
-#: The viewer hangs words below their point: about half their height.
+#: The viewer draws text below its point: about half its height.
 RAISED = 0.05
-#: About so many ticks on an axis, and room beyond a curve as a share of its range.
+#: Approximate number of ticks on an axis, and margin around a curve as a fraction of its range.
 TICKS, MARGIN = 5, 0.06
 GREY = (150, 150, 150)
 #: Radii of lines in points of the screen, which rerun writes as negative numbers.

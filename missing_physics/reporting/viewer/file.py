@@ -18,11 +18,11 @@ Entity paths, with ``RUN`` = ``run1``, ``run2``, ... for the recordings in the o
                                   95 % interval; ``value``, ``low``, ``high`` as lines in a frame
 ================================  ====================================================================
 
-The only timeline is ``sim_time``, in seconds of the recording. All series together hold at most
-`MOST_SAMPLES` samples: longer ones are thinned by the least and greatest sample of each stretch, so that
-spikes survive, and the summary in the file says so. The robot is drawn at most `MOST_POSES` times per
-recording, evenly spaced. A free base whose attitude was not recorded is drawn where the description starts
-it, a flexible link without a recorded deflection straight.
+The only timeline is ``sim_time``, in seconds of the recording. All series together have at most
+`MOST_SAMPLES` samples: longer ones are reduced to minimum and maximum of each stretch, which preserves spikes
+and is mentioned in the file's summary. The robot is drawn at most `MOST_POSES` times per recording, evenly
+spaced. A free base whose attitude was not recorded is drawn at its initial pose, a flexible link without a
+recorded deflection straight.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ def write_rerun(
     *,
     recordings: Sequence[Recording] = (),
 ) -> None:
-    """Write `result` for the nominal `robot` to `path` (see the module's text), whole or not at all.
+    """Write `result` for the nominal `robot` to `path` (see the module's docstring), atomically.
 
     Args:
-        recordings: that were diagnosed, where at hand: the robot is drawn with the base and the deflections
-            that they hold.
+        recordings: the diagnosed recordings, if available: the robot is drawn with their base motion and
+            deflections.
 
     Raises:
         InputError: the folder cannot be written.
@@ -101,9 +101,9 @@ def write_rerun(
 
 
 def in_memory(stream: rr.RecordingStream, look: rrb.Blueprint) -> rr.MemoryRecording:
-    """What is sent to the stream from now on, with this blueprint.
+    """Memory sink of what is sent to the stream from now on, with this blueprint.
 
-    rerun's own writing of files waits for ever where a disk is full (0.41), and does not say why it fails.
+    rerun's file writer hangs on a full disk (0.41), and does not report why it fails.
     """
     memory = stream.memory_recording()
     rr.send_blueprint(look, make_active=False, make_default=True, recording=stream)
@@ -112,7 +112,7 @@ def in_memory(stream: rr.RecordingStream, look: rrb.Blueprint) -> rr.MemoryRecor
 
 @contextmanager
 def strict() -> Iterator[None]:
-    """rerun's errors as exceptions: by default it warns and leaves out what it could not write."""
+    """rerun's errors as exceptions: by default it only warns and skips what it could not write."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     try:
@@ -128,7 +128,7 @@ def _identifier(result: Result) -> str:
 
 def _send_series(stream: rr.RecordingStream, run: Run, series: ChannelSeries, limit: int) -> None:
     before, after = residuals(series)
-    # rerun draws in the order of the paths, so that `recorded` lies thin upon `augmented`.
+    # rerun draws in the order of the paths, so the thin `recorded` is on top of `augmented`.
     lines: Sequence[tuple[str, str, str, float, NDArray[np.float64]]] = (
         ("channels", "recorded", palette.MEASURED_ON_DARK, 1.0, series.measured),
         ("channels", "nominal", palette.BEFORE, 1.2, series.nominal),

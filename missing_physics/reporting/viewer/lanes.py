@@ -40,7 +40,7 @@ def _data(series: ChannelSeries) -> dict[float, str]:
 
 
 def _windows(series: ChannelSeries, spans: tuple[tuple[float, float], ...]) -> dict[float, str]:
-    """Instant [s] to the state that begins there; spans may come in any order, touch or overlap."""
+    """Instant [s] to the state that begins there; spans may be unsorted, touch or overlap."""
     start, stop = float(series.time[0]), float(series.time[-1])
     merged: list[list[float]] = []
     for low, high in sorted((max(low, start), min(high, stop)) for low, high in spans):

@@ -45,5 +45,5 @@ def _paragraphs(lines: list[str]) -> str:
 
 
 def plain(text: str) -> str:
-    """Text in which Markdown finds no markup."""
+    """Text escaped for Markdown."""
     return re.sub(r"([\\`*_{}\[\]<>#|!])", r"\\\1", text)

@@ -1,4 +1,4 @@
-"""Gyros of a free-flyer: what is on board is named, with the truth in the interval, and nothing else is."""
+"""Gyros of a free-flyer: base effects are named with correct intervals, and nothing else is."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def names(found: BaseResult) -> set[tuple[str, str]]:
     return {(finding.effect, finding.location) for finding in found.findings}
 
 
-def test_nothing_is_named_where_the_file_is_right() -> None:
+def test_with_a_correct_robot_file_gyros_give_no_finding() -> None:
     robot = small()
     found = diagnosed(robot, [recorded(robot)])
     assert not found.findings
@@ -39,7 +39,7 @@ def test_nothing_is_named_where_the_file_is_right() -> None:
 
 
 @pytest.mark.proof
-def test_a_base_with_another_inertia_is_no_liquid() -> None:
+def test_wrong_base_inertia_is_not_named_as_sloshing() -> None:
     robot = small()
     base = robot.base.model_copy(update={"inertia": tuple(1.05 * i for i in robot.base.inertia)})
     found = diagnosed(robot, [recorded(small(base=base))])
@@ -56,15 +56,15 @@ def test_reaction_wheels_are_named() -> None:
         assert low <= truth <= high
     assert "reaction_wheel" in found.searched
     assert all(c.after.validation_rms < 0.1 * c.before.validation_rms for c in found.fit.values())
-    told = Diagnosis("flyer", ("one",), (), "consistent", "", (), (), Fit({}, 0.0))
-    whole = with_base(Result(told, (), (), robot_to_toml(robot)), found, robot)
+    diagnosis = Diagnosis("flyer", ("one",), (), "consistent", "", (), (), Fit({}, 0.0))
+    whole = with_base(Result(diagnosis, (), (), robot_to_toml(robot)), found, robot)
     assert whole.diagnosis.verdict == "explained"
     uses = {(use.effect, use.at): use for use in robot_from_toml(whole.augmented_robot_toml).effects}
     assert uses["reaction_wheel", "base"].parameters["torque_x"] == pytest.approx(0.1, rel=0.05)
 
 
 @pytest.mark.parametrize(("effect", "values"), [("reaction_wheel", WHEEL), ("slosh", LIQUID)])
-def test_columns_are_what_a_simulation_shows(effect: str, values: dict[str, float]) -> None:
+def test_columns_of_base_effects_equal_a_simulation(effect: str, values: dict[str, float]) -> None:
     """The wheels' to the error of the model, the liquid's to a twentieth: it answers to first order."""
     robot = small()
     made = recorded(robot, EffectUse.model_validate({"effect": effect, "at": "base", **values}))
@@ -77,7 +77,7 @@ def test_columns_are_what_a_simulation_shows(effect: str, values: dict[str, floa
 
 
 @pytest.mark.proof
-def test_a_liquid_is_named() -> None:
+def test_sloshing_liquid_is_named() -> None:
     robot = small()
     longer = recorded(
         flyer(12.0).model_copy(update={"effects": ()}), EffectUse(effect="slosh", at="base", **LIQUID)
@@ -90,7 +90,7 @@ def test_a_liquid_is_named() -> None:
 
 
 @pytest.mark.proof
-def test_a_gyro_of_another_scale_is_named_where_bodies_are_known() -> None:
+def test_gyro_scale_error_is_named_if_the_inertias_are_known() -> None:
     robot = small(known=("base", "link1", "link2"))
     made = recorded(robot)
     wrong = made.with_channels({GYRO[2]: 1.02 * made[GYRO[2]]})
@@ -99,7 +99,7 @@ def test_a_gyro_of_another_scale_is_named_where_bodies_are_known() -> None:
     assert found.findings[0].parameters["gain_error"].value == pytest.approx(0.02, abs=2e-3)
 
 
-def test_the_information_of_gyros_is_about_the_right_bodies() -> None:
+def test_gyros_inform_the_inertial_parameters_of_the_right_bodies() -> None:
     """The gradient of their likelihood at the truth is as large as its own standard deviation."""
     robot = small()
     found = of_bodies(diagnosed(robot, [recorded(robot)]))
@@ -113,7 +113,7 @@ def test_the_information_of_gyros_is_about_the_right_bodies() -> None:
     assert np.mean(gradient**2 / values[sure]) < 4.0
 
 
-def test_a_base_that_is_much_heavier_is_within_reach_of_the_standard_model() -> None:
+def test_standard_model_recovers_a_much_heavier_base() -> None:
     """How it moves follows from the estimated bodies, not from those of the file."""
     robot = small()
     base = robot.base.model_copy(

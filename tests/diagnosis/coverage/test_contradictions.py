@@ -1,4 +1,4 @@
-"""Channels against the robot's dynamics: every corruption is named, and no physics is taken for one."""
+"""Channels against the robot's dynamics: every corruption is reported, and no hidden effect is."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_a_torque_of_wrong_sign_or_unit_is_named_with_its_factor(name: str, fact
 
 
 @every_robot
-def test_all_torques_reversed(name: str) -> None:
+def test_reversal_of_all_torques_is_recognised(name: str) -> None:
     robot, recording = robot_of(name), clean(name)
     channels = [f"{joint.name}.torque" for joint in robot.moving_joints]
     seen = found(robot, recording.with_channels({c: -recording[c] for c in channels}))
@@ -136,7 +136,7 @@ def test_exchanged_torques_are_named(name: str) -> None:
     assert corrections(seen) == {one: (other, 1.0), other: (one, 1.0)}
 
 
-def test_the_torque_of_a_current_without_its_constant() -> None:
+def test_missing_torque_constant_is_recognised() -> None:
     robot = robot_of("two_link_arm")
     joint = robot.moving_joints[1]
     assert joint.actuator is not None
@@ -159,7 +159,7 @@ def test_a_position_in_degrees_or_reversed_is_recognised_by_the_torques(channel:
     assert corrections(found(robot, factors(recording, **{name: -1.0}))) == {channel: (channel, -1.0)}
 
 
-def test_all_positions_in_degrees_and_exchanged_positions() -> None:
+def test_positions_in_degrees_and_exchanged_positions_are_recognised() -> None:
     robot, recording = robot_of("two_link_arm"), without(clean("two_link_arm"), "reference_position")
     one, other = "joint1.position", "joint2.position"
     both = found(robot, factors(recording, joint1__position=DEGREES, joint2__position=DEGREES))
@@ -169,7 +169,7 @@ def test_all_positions_in_degrees_and_exchanged_positions() -> None:
     assert corrections(crossed) == {one: (other, 1.0), other: (one, 1.0)}
 
 
-def test_a_gyro_in_degrees_or_reversed() -> None:
+def test_gyro_in_degrees_or_with_wrong_sign_is_recognised() -> None:
     robot, recording = robot_of("six_joint_space_arm"), clean("six_joint_space_arm")
     recording = without(recording, *(f"attitude.{axis}" for axis in "wxyz"))
     gyro = [f"base.angular_velocity.{axis}" for axis in "xyz"]
@@ -208,7 +208,9 @@ LADEN: dict[str, tuple[dict[str, object], ...]] = {
 
 
 @pytest.mark.parametrize("hidden", LADEN.values(), ids=LADEN)
-def test_no_physics_is_taken_for_a_contradiction(hidden: tuple[dict[str, object], ...]) -> None:
+def test_hidden_physics_is_not_reported_as_a_channel_contradiction(
+    hidden: tuple[dict[str, object], ...],
+) -> None:
     """Up to the catalogue's limits, and friction of twice the inertial torque."""
     robot = robot_of("two_link_arm")
     true = robot.with_effects(*(EffectUse.model_validate(use) for use in hidden))
@@ -216,7 +218,7 @@ def test_no_physics_is_taken_for_a_contradiction(hidden: tuple[dict[str, object]
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (0.0, -9.81, 0.0), (0.0, 0.0, 0.0)])
-def test_a_robot_file_with_gravity_the_wrong_way_is_no_wrong_torque(
+def test_wrong_gravity_direction_in_the_file_is_not_reported_as_a_wrong_torque(
     gravity: tuple[float, float, float],
 ) -> None:
     robot = robot_of("two_link_arm").model_copy(update={"gravity": gravity})
@@ -224,7 +226,7 @@ def test_a_robot_file_with_gravity_the_wrong_way_is_no_wrong_torque(
 
 
 @pytest.mark.parametrize("damping", [80.0, 160.0])
-def test_a_joint_that_is_held_and_gives_way_to_a_load_is_no_wrong_torque(damping: float) -> None:
+def test_held_joint_that_yields_to_a_load_is_not_reported_as_a_wrong_torque(damping: float) -> None:
     """Its drive pushes back against a load that the robot file does not know: against the little motion."""
     robot = robot_of("two_link_arm").model_copy(update={"effects": ()})
     model, time = RobotModel(robot), np.arange(6000) / 250.0
@@ -247,7 +249,7 @@ def test_a_joint_that_is_held_and_gives_way_to_a_load_is_no_wrong_torque(damping
     assert not found(robot, Recording(time, channels))
 
 
-def test_a_robot_out_of_control_is_no_wrong_torque() -> None:
+def test_unstable_robot_is_not_reported_as_a_wrong_torque() -> None:
     """Its controller pushes with all it has against the motion that it does not master."""
     robot, recording = robot_of("single_axis"), clean("single_axis")
     joint = robot.moving_joints[0]
@@ -264,7 +266,7 @@ def test_a_robot_out_of_control_is_no_wrong_torque() -> None:
 
 
 @pytest.mark.proof
-def test_the_diagnosis_ends_there_unless_asked_to_continue() -> None:
+def test_diagnosis_stops_at_a_contradiction_unless_told_to_continue() -> None:
     robot, recording = robot_of("single_axis"), factors(clean("single_axis"), joint1__torque=-1.0)
     with pytest.raises(
         ContradictionError,
@@ -276,10 +278,10 @@ def test_the_diagnosis_ends_there_unless_asked_to_continue() -> None:
     assert diagnose(robot, [recording], options=options).diagnosis.verdict != "consistent"
 
 
-def test_the_sentence_takes_over_what_the_map_does_already() -> None:
+def test_suggested_correction_includes_the_present_map() -> None:
     mapping = mapping_from_toml(
         'time = { source = "t" }\n[channels."joint1.torque"]\nsource = "volts"\nscale = 35.0\noffset = 2.0\n'
     )
     robot, recording = robot_of("single_axis"), factors(clean("single_axis"), joint1__torque=-1.0)
-    said = str(ContradictionError(recording, found(robot, recording), mapping))
-    assert '[channels."joint1.torque"] source = "volts", scale = -35, offset = -2' in said
+    message = str(ContradictionError(recording, found(robot, recording), mapping))
+    assert '[channels."joint1.torque"] source = "volts", scale = -35, offset = -2' in message

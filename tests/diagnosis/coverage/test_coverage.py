@@ -1,4 +1,4 @@
-"""What the data can carry is said before anything is fitted, joint by joint, with what would help."""
+"""Data coverage, reported before any fit for each joint, with advice."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def renamed(made: Recording, quantity: str) -> Recording:
     return Recording(made.time, {k.replace("torque", quantity): v for k, v in made.channels.items()})
 
 
-def test_a_rich_motion_is_enough_and_nothing_is_said() -> None:
+def test_informative_motion_gives_no_coverage_message() -> None:
     found = judged(recorded(ROBOT, ARM, seed=1))
     assert found.enough
     assert found.sentences == ()
     assert kinds(found) == {}
 
 
-def test_too_short_says_how_much_more() -> None:
+def test_short_recording_is_rejected_with_the_required_duration() -> None:
     found = judged(recorded(ROBOT, ARM, seed=1, duration=3.0), cutoff=2.5)
     assert not found.enough
     [sentence] = found.sentences
@@ -53,7 +53,7 @@ def test_too_short_says_how_much_more() -> None:
     assert sentence.startswith("only ")
 
 
-def test_one_joint_without_torque_is_named_and_the_other_still_judged() -> None:
+def test_joint_without_torque_is_reported_and_others_are_still_diagnosed() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     channels = {k: v for k, v in made.channels.items() if k != "joint2.torque"}
     found = judged(Recording(made.time, channels))
@@ -63,7 +63,7 @@ def test_one_joint_without_torque_is_named_and_the_other_still_judged() -> None:
     assert sentence.startswith("joint2: no torque, current or voltage is recorded")
 
 
-def test_no_torque_at_all_is_not_enough_and_said_once() -> None:
+def test_missing_torque_of_all_joints_is_reported_once() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     found = judged(Recording(made.time, {k: v for k, v in made.channels.items() if "position" in k}))
     assert not found.enough
@@ -71,7 +71,7 @@ def test_no_torque_at_all_is_not_enough_and_said_once() -> None:
     assert sentence.startswith("joint1 and joint2: no torque, current or voltage is recorded")
 
 
-def test_with_two_encoders_what_lies_between_them_can_be_judged_without_torque() -> None:
+def test_two_encoders_suffice_to_diagnose_the_gear_without_torque() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     channels = {k: v for k, v in made.channels.items() if "position" in k}
     both = {**channels, "joint1.motor_position": channels["joint1.position"]}
@@ -91,9 +91,7 @@ def test_with_two_encoders_what_lies_between_them_can_be_judged_without_torque()
         ("voltage", {"resistance": 2.0}, ["torque_constant [N m/A]"]),
     ],
 )
-def test_the_key_that_is_missing_is_named_once(
-    quantity: str, given: dict[str, float], named: list[str]
-) -> None:
+def test_missing_key_is_reported_once(quantity: str, given: dict[str, float], named: list[str]) -> None:
     robot = ROBOT.model_copy(
         update={"joints": tuple(j.model_copy(update={"actuator": Actuator(**given)}) for j in ROBOT.joints)}
     )
@@ -105,7 +103,7 @@ def test_the_key_that_is_missing_is_named_once(
     assert not {"torque_constant", "resistance"} - lacking & {word.strip(",;") for word in sentence.split()}
 
 
-def test_a_joint_that_rests_is_named() -> None:
+def test_joint_at_rest_is_reported() -> None:
     resting = replace(ARM[1], amplitudes=(0.0, 0.0, 0.0))
     found = judged(recorded(ROBOT, (ARM[0], resting), seed=1))
     assert found.enough
@@ -113,7 +111,7 @@ def test_a_joint_that_rests_is_named() -> None:
     assert found.sentences[0].startswith("joint2: no motion beyond the noise of the position")
 
 
-def test_one_direction_cannot_tell_friction_from_an_offset() -> None:
+def test_motion_in_one_direction_cannot_distinguish_friction_from_an_offset() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     slow = Sines((0.02,), (0.3,), (0.0,))
     time = made.time
@@ -162,13 +160,13 @@ TIME = np.arange(5000) / 250.0
     ],
     ids=["slow", "coarse", "once", "not at all"],
 )
-def test_a_joint_that_hardly_moves_cannot_be_judged(position: np.ndarray, step: float, kind: str) -> None:
+def test_joint_with_very_small_motion_is_not_diagnosed(position: np.ndarray, step: float, kind: str) -> None:
     found = judged(hardly(position, step=step), robot=AXIS)
     assert not found.enough
     assert kinds(found) == {"joint1": kind, "joint2": kind}
 
 
-def test_the_same_small_motion_with_a_torque_that_shows_can_be_judged() -> None:
+def test_small_motion_with_sufficient_torque_is_diagnosed() -> None:
     small = 0.4 * DEGREE * np.sin(2 * np.pi * 0.5 * TIME)
     quiet = hardly(small, step=1e-6, torque_noise=1e-4)
     assert judged(quiet, robot=AXIS).enough
@@ -180,7 +178,7 @@ def test_the_same_small_motion_with_a_torque_that_shows_can_be_judged() -> None:
     assert judged(quiet.with_channels(rubbing), robot=AXIS).enough
 
 
-def test_a_second_recording_in_which_it_moves_can_confirm_what_a_first_tells() -> None:
+def test_second_recording_with_motion_suffices_for_validation() -> None:
     chirp = 0.5 * np.sin(2 * np.pi * (0.2 + 0.02 * TIME) * TIME)
     once = np.where(np.abs(TIME - 10.0) < 1.0, chirp, chirp[np.searchsorted(TIME, 9.0)])
     once = np.where(TIME >= 11.0, chirp[np.searchsorted(TIME, 11.0)], once)
@@ -202,7 +200,7 @@ def swinging(**torques: np.ndarray) -> Recording:
 
 
 @pytest.mark.parametrize("value", [0.0, 3.7])
-def test_a_constant_torque_of_a_driven_joint_is_a_dead_channel(value: float) -> None:
+def test_constant_torque_of_a_driven_joint_is_reported_as_a_dead_channel(value: float) -> None:
     made = swinging(joint2=np.full(3000, value))
     ready = prepared(SWING, [made])
     assert set(ready.dead) == {"joint2.torque"}
@@ -215,7 +213,7 @@ def test_a_constant_torque_of_a_driven_joint_is_a_dead_channel(value: float) -> 
     assert prepared(SWING, [made], as_recorded=True).recordings[0] is made
 
 
-def test_a_joint_that_swings_freely_has_no_dead_channel() -> None:
+def test_passive_joint_with_zero_torque_has_no_dead_channel() -> None:
     """Friction and gravity make its motion, whatever its mass: its torque is nothing, and known."""
     time = np.arange(3000) / 250.0
     decay = 0.3 * np.exp(-0.1 * time) * np.cos(4.0 * time)
@@ -225,7 +223,7 @@ def test_a_joint_that_swings_freely_has_no_dead_channel() -> None:
     assert judged(free, robot=robot).enough
 
 
-def test_a_motor_without_voltage_brakes_and_is_no_reversed_channel() -> None:
+def test_short_circuited_motor_is_not_reported_as_a_reversed_channel() -> None:
     """Its back-EMF takes power from the motion; a factor of a voltage of nothing corrects nothing."""
     motor = Actuator(gear_ratio=100.0, torque_constant=0.1, resistance=2.0)
     robot = SWING.model_copy(
@@ -238,7 +236,7 @@ def test_a_motor_without_voltage_brakes_and_is_no_reversed_channel() -> None:
     assert kinds(judged(unplugged, robot=robot))["joint2"] == "dead"
 
 
-def test_a_block_without_numbers_is_said_with_channel_time_and_size() -> None:
+def test_missing_samples_are_reported_with_channel_time_and_length() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     lost = np.where((made.time > 4.0) & (made.time < 6.0), np.nan, made["joint2.torque"])
     ready = prepared(ROBOT, [made.with_channels({"joint2.torque": lost})])
@@ -251,7 +249,7 @@ def test_a_block_without_numbers_is_said_with_channel_time_and_size() -> None:
     assert "joint2.torque has no number between 4 and 6 s" in sentence
 
 
-def test_a_gap_in_time_is_said_and_runs_do_not_cross_it() -> None:
+def test_time_gap_is_reported_and_splits_the_recording() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     later = Recording(np.where(made.time < 7.0, made.time, made.time + 1e6), made.channels, "log.csv")
     ready = prepared(ROBOT, [later])
@@ -260,7 +258,7 @@ def test_a_gap_in_time_is_said_and_runs_do_not_cross_it() -> None:
     assert "no sample was recorded between 6.996 and 1.00001e+06 s" in sentence
 
 
-def test_a_channel_that_begins_late_or_has_several_gaps() -> None:
+def test_late_start_and_several_gaps_of_a_channel_are_reported() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     t = made.time
     late = np.where(t < 1.0, np.nan, made["joint1.torque"])
@@ -274,7 +272,7 @@ def test_a_channel_that_begins_late_or_has_several_gaps() -> None:
         prepared(ROBOT, [made.with_channels({"joint1.torque": few})])
 
 
-def test_a_few_missing_samples_are_bridged_and_nothing_is_said() -> None:
+def test_few_missing_samples_are_interpolated_without_a_message() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     lost = np.where((made.time > 4.0) & (made.time < 4.03), np.nan, made["joint2.torque"])
     holed = made.with_channels({"joint2.torque": lost})
@@ -282,14 +280,14 @@ def test_a_few_missing_samples_are_bridged_and_nothing_is_said() -> None:
     assert prepared(ROBOT, [holed]).recordings[0] is holed
 
 
-def test_an_encoder_that_flickers_between_steps_shows_no_motion() -> None:
+def test_encoder_flickering_between_steps_counts_as_rest() -> None:
     chance = np.random.default_rng(3)
     made = recorded(ROBOT, ARM, seed=1)
     rests = 1e-3 * chance.integers(0, 3, len(made))
     assert kinds(judged(made.with_channels({"joint2.position": rests}))) == {"joint2": "no_motion"}
 
 
-def test_a_reversal_takes_what_the_smoother_of_the_motion_remembers() -> None:
+def test_reversals_exclude_few_samples_of_a_small_motion() -> None:
     """Less than a tenth of the samples of a motion that reverses every 1.7 s."""
     swing = hardly(0.05 * np.sin(2 * np.pi * 0.3 * TIME), step=1e-6, torque_noise=1e-4)
     drift = hardly(0.05 * TIME, step=1e-6, torque_noise=1e-4)

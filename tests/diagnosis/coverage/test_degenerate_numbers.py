@@ -1,4 +1,4 @@
-"""Numbers that make nothing of what is divided by them: zero, next to zero, and beyond all bounds."""
+"""Degenerate numbers in divisions: zero, almost zero, and extremely large."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def warnings_are_errors() -> Iterator[None]:
         yield
 
 
-def test_a_constant_torque_leaves_nothing_to_explain() -> None:
+def test_constant_torque_leaves_no_residual() -> None:
     made = recorded(ROBOT, ARM, seed=1)
     flat = made.with_channels({"joint1.torque": np.full(len(made), 3.7)})
     needs = Needs.of(make_dynamics(ROBOT, [flat])[0])
@@ -33,7 +33,7 @@ def test_a_constant_torque_leaves_nothing_to_explain() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-100, 1.0, 1e100])
-def test_ratios_of_small_and_large_numbers(size: float) -> None:
+def test_ratios_of_extreme_numbers_are_finite(size: float) -> None:
     time = np.arange(2000) / 100.0
     ratio, alike = position_per_velocity(time, size * np.sin(time), size * np.cos(time))
     assert ratio == pytest.approx(1.0, rel=1e-3)

@@ -1,4 +1,4 @@
-"""A recording too long to be held is refused before any work."""
+"""A recording that is too long is rejected before any computation."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def _limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorded, "MOST_SAMPLES", MOST)
 
 
-def test_too_many_rows_are_refused_in_one_sentence() -> None:
+def test_too_many_rows_are_rejected_with_one_sentence() -> None:
     time = np.arange(MOST + 1) * 1e-3
     recording = Recording(time, {"joint1.position": time, "joint1.torque": time}, source="long.parquet")
-    with pytest.raises(InputError, match=rf"long\.parquet has {MOST + 1} samples") as refused:
+    with pytest.raises(InputError, match=rf"long\.parquet has {MOST + 1} samples") as error:
         diagnose(load_robot("single_axis"), [recording])
-    assert str(MOST) in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert str(MOST) in str(error.value)
+    assert "\n" not in str(error.value)
 
 
-def test_the_limit_falls_with_the_square_of_the_joints() -> None:
+def test_row_limit_decreases_with_the_square_of_the_number_of_joints() -> None:
     count = MOST // 4 + 1
     time = np.arange(count) * 1e-3
     channels = {f"joint{k}.{what}": time for k in (1, 2) for what in ("position", "torque")}

@@ -1,4 +1,4 @@
-"""A force from outside on a free base: its gyro shows it at the base, and no joint is blamed for it."""
+"""An external force on a free base is located at the base by its gyro, and not at a joint."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def pushed(robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int, **numbers: 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("seed", [3, 4])
-def test_friction_inside_the_robot_keeps_the_momentum(seed: int) -> None:
+def test_joint_friction_does_not_change_the_momentum(seed: int) -> None:
     truth = flyer()
     nominal = truth.model_copy(update={"effects": ()})
     found = diagnose(nominal, [simulate(truth, seed=seed)], options=OPTIONS).diagnosis
@@ -70,7 +70,7 @@ def test_friction_inside_the_robot_keeps_the_momentum(seed: int) -> None:
     ],
     ids=["burst", "steady"],
 )
-def test_a_force_from_outside_is_reported_at_the_base(
+def test_external_force_is_reported_at_the_base(
     numbers: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot = flyer()

@@ -10,7 +10,7 @@ from robot_model import EffectUse, Reference, Table, load_robot
 
 
 @pytest.mark.proof
-def test_bristles_are_found_where_the_axis_often_rests() -> None:
+def test_lugre_friction_is_found_if_the_axis_often_rests() -> None:
     """Slow speeds among the rests are no measure of the Stribeck velocity: other starts have to be tried."""
     times, positions = [0.0, 0.5], [0.0, 0.0]
     for goal in (-0.015, -0.026, -0.044, -0.026, -0.045, 0.016, -0.007):

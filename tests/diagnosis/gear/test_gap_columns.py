@@ -1,4 +1,4 @@
-"""Columns of each effect in the gap are its derivatives."""
+"""Columns of each gear effect are derivatives."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def rows(runs: list[Recording]) -> GapData:
 
 @pytest.mark.parametrize("term", TERMS, ids=lambda term: f"{term.effect.id}-{term.along}")
 @pytest.mark.parametrize("run", [0, 1])
-def test_columns_are_derivatives(runs: list[Recording], term: Term, run: int) -> None:
+def test_gap_columns_equal_finite_differences(runs: list[Recording], term: Term, run: int) -> None:
     """To a few percent where the law is to first order in the number."""
     data = rows(runs)
     columns = data.columns(term, run)[:, 0]
@@ -62,7 +62,7 @@ def test_columns_are_derivatives(runs: list[Recording], term: Term, run: int) ->
         assert np.linalg.norm(columns[:, 1 + i] - slope) < 0.05 * np.linalg.norm(slope), p.name
 
 
-def test_where_a_held_out_recording_has_its_zeros_is_no_error(runs: list[Recording]) -> None:
+def test_encoder_zeros_of_a_held_out_recording_are_not_counted_as_errors(runs: list[Recording]) -> None:
     moved = replace(
         runs[1], channels={**runs[1].channels, "joint1.position": runs[1]["joint1.position"] + 0.01}
     )

@@ -1,4 +1,4 @@
-"""Encoder errors of an order that nobody said: found with their order, and not read into other curves."""
+"""Encoder errors of unknown order are found with their order, and not confused with other curves."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def error_at(position: Array, order: float) -> Array:
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("beside", [False, True])
-def test_an_order_that_is_no_multiple_of_a_turn_is_found(order: float, *, beside: bool) -> None:
+def test_non_integer_order_of_a_gear_error_is_found(order: float, *, beside: bool) -> None:
     def gap(motion: Motion) -> Array:
         return error_at(motion.position, order) + (elasticity(motion) if beside else 0.0)
 
@@ -44,7 +44,7 @@ def test_an_order_that_is_no_multiple_of_a_turn_is_found(order: float, *, beside
     assert high - low < 0.1 * order
 
 
-def test_a_joint_that_rests_most_of_the_time_is_searched_as_one_that_moves() -> None:
+def test_orders_are_found_for_a_joint_that_mostly_rests() -> None:
     """The median speed of all samples is nothing then, by which there would be no end of orders."""
     time = np.arange(0.0, 20.0, 0.004)
     phase = np.clip(time / 7.0, 0.0, 1.0)

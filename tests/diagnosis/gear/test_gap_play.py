@@ -1,4 +1,4 @@
-"""Play beside a spring: named where it is crossed, and said to be possible where it is not."""
+"""Backlash with elasticity: named if it is crossed, and reported as possible otherwise."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def with_play(motion: Motion) -> Array:
 
 
 @pytest.mark.parametrize("gap", [elasticity, with_play])
-def test_play_that_gravity_keeps_closed_is_not_named_but_said_to_be_possible(
+def test_backlash_closed_by_gravity_is_reported_as_possible_only(
     gap: Callable[[Motion], Array],
 ) -> None:
     assert np.abs(np.sign(Leaning(0, turns=0.05).link_torque).sum()) == Leaning(0).time.size
@@ -47,7 +47,7 @@ def test_play_that_gravity_keeps_closed_is_not_named_but_said_to_be_possible(
     assert any("play between its flanks would not show" in words for words in result.could_not_tell)
 
 
-def test_play_that_would_have_been_crossed_is_excluded() -> None:
+def test_backlash_is_excluded_if_the_load_changes_sign() -> None:
     result = diagnose([Motion, Motion], elasticity)
     [finding] = result.findings
     assert finding.effect == "joint_elasticity"
@@ -55,14 +55,14 @@ def test_play_that_would_have_been_crossed_is_excluded() -> None:
     assert not any("play between its flanks" in words for words in result.could_not_tell)
 
 
-def test_play_beside_a_spring_is_found_where_it_is_crossed() -> None:
+def test_backlash_with_elasticity_is_found_if_it_is_crossed() -> None:
     found = {finding.effect: finding for finding in diagnose([Motion, Motion], with_play).findings}
     assert set(found) == {"joint_elasticity", "backlash"}
     low, high = found["backlash"].parameters["half_width"].ci95
     assert low <= 2e-4 <= high
 
 
-def test_what_only_the_held_out_recording_shows_is_said_to_remain() -> None:
+def test_residual_in_the_held_out_recording_only_is_reported() -> None:
     """The fitted recording leans on one flank; the other one swings about hanging down."""
     result = diagnose([Leaning, Motion], with_play)
     assert "gear_hysteresis" not in {finding.effect for finding in result.findings}

@@ -1,4 +1,4 @@
-"""Gears in a diagnosis: exact laws along a torque, what the robot file gets, torques at the joint."""
+"""Gears in a diagnosis: exact laws along a torque, the augmented robot file, joint torques."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import exudyn_model
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.gear.hysteresis import dahl
 from missing_physics.diagnosis.gear.transmission import TransmissionResult
-from missing_physics.diagnosis.gear_file.effects import found_gears, yielding
+from missing_physics.diagnosis.gear_file.effects import compliant_joints, found_gears
 from missing_physics.diagnosis.gear_file.merge import with_transmission
 from missing_physics.diagnosis.pipeline import Options
 from missing_physics.results.result import (
@@ -36,7 +36,7 @@ from robot_model import Recording, Robot, robot_from_toml, robot_to_toml
     travel=st.floats(1e-5, 1e-3),
 )
 @example(twists=[1.6e-3], stiffness=1e3, height=5e-324, travel=1.2e-4)  # a ratio that underflows
-def test_the_state_along_the_torque_is_the_one_along_the_twist(
+def test_hysteresis_state_from_the_torque_equals_that_from_the_twist(
     twists: list[float], stiffness: float, height: float, travel: float
 ) -> None:
     e, z, states, torques = 0.0, 0.0, [0.0], [0.0]
@@ -51,7 +51,7 @@ def test_the_state_along_the_torque_is_the_one_along_the_twist(
     assert np.abs(found - states).max() < 1e-6
 
 
-def test_torques_far_beyond_the_travel_reach_the_flank_of_the_loop() -> None:
+def test_torques_beyond_the_hysteresis_range_reach_the_limiting_branch() -> None:
     for travel in (1e-8, 1e-4, 1e-1):
         found = dahl(np.array([0.0, 900.0, -900.0, 900.0]), travel, 1.0)
         # before the flank is 1 - |z| = exp(-(900 - 2) / travel), which is nothing
@@ -73,12 +73,12 @@ def gap(*findings: Finding) -> TransmissionResult:
 ELASTIC = finding("joint_elasticity", stiffness=8e3, damping=8.0)
 
 
-def test_findings_become_effects_that_both_engines_run() -> None:
+def test_gear_findings_become_effects_of_both_engines() -> None:
     lossy = finding("gear_hysteresis", torque=3.0, travel=2e-4)
     for findings in ([ELASTIC], [ELASTIC, finding("backlash", half_width=5e-4)], [ELASTIC, lossy]):
         gears = found_gears(arm(), gap(*findings))
         assert {use.effect for use in gears.uses} == {f.effect for f in findings}
-        assert yielding(arm(), gap(*findings)) == ("joint1",)
+        assert compliant_joints(arm(), gap(*findings)) == ("joint1",)
         assert gears.words == ()
         robot = arm(duration=0.05).with_effects(*gears.uses)
         simulate(robot, sensors=False)
@@ -93,26 +93,26 @@ def test_flanks_of_unknown_stiffness_are_assumed_and_that_is_reported() -> None:
     simulate(arm(duration=0.05).with_effects(*gears.uses), sensors=False)
 
 
-def test_what_cannot_be_simulated_is_left_out_with_a_word() -> None:
+def test_effects_that_cannot_be_simulated_are_omitted_with_a_note() -> None:
     play, lossy = finding("backlash", half_width=5e-4), finding("gear_hysteresis", torque=3.0, travel=2e-4)
     both = found_gears(arm(), gap(ELASTIC, play, lossy))
     assert [use.effect for use in both.uses] == ["joint_elasticity", "backlash"]
     assert any("cannot be simulated together" in words for words in both.words)
     lost = found_gears(arm(), gap(finding("gear_hysteresis", amplitude=1e-4, travel=0.1)))
     assert lost.uses == ()
-    assert any("follows the motion" in words for words in lost.words)
+    assert any("depends on the motion" in words for words in lost.words)
     listed = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 1e4})
     assert found_gears(listed, gap(ELASTIC)).uses == ()
-    assert yielding(listed, None) == ("joint1",)
+    assert compliant_joints(listed, None) == ("joint1",)
     data = arm().model_dump()
     data["joints"][0]["actuator"]["rotor_inertia"] = 0.0
     assert "rotor_inertia" in found_gears(Robot.model_validate(data), gap(ELASTIC)).words[0]
 
 
-def test_an_encoder_that_errs_is_not_trusted_with_the_joints_motion() -> None:
+def test_faulty_encoder_is_not_used_for_the_joint_motion() -> None:
     late = finding("sensor_delay", "joint1.position", delay=1e-3)
-    assert yielding(arm(), gap(ELASTIC, late)) == ()
-    assert yielding(arm(), None) == ()
+    assert compliant_joints(arm(), gap(ELASTIC, late)) == ()
+    assert compliant_joints(arm(), None) == ()
 
 
 def between(*findings: Finding, left: float) -> TransmissionResult:
@@ -121,7 +121,7 @@ def between(*findings: Finding, left: float) -> TransmissionResult:
     return TransmissionResult(findings=findings, fit={"joint1.position - joint1.motor_position": channel})
 
 
-def test_the_headline_is_of_the_gaps_where_only_gears_are_named() -> None:
+def test_headline_is_that_of_the_gears_if_only_gear_effects_are_named() -> None:
     """A tenth of the noise's hundredfold is left: 90 %, whatever the torques, which name nothing, show."""
     play = finding("backlash", half_width=5e-4)
     found = with_transmission(half_open(), between(play, left=10.0), arm()).diagnosis
@@ -136,7 +136,7 @@ def test_the_headline_is_of_the_gaps_where_only_gears_are_named() -> None:
     )
 
 
-def test_encoders_that_err_are_in_the_augmented_robot() -> None:
+def test_encoder_errors_are_written_to_the_augmented_robot() -> None:
     """With the numbers found, within the catalogue's bounds, and once."""
     cycle = finding("encoder_eccentricity", "joint2.motor_position", cosine=1e-3, sine=-0.5, order=1.0)
     late = finding("sensor_delay", "joint1.position", delay=1e-3)
@@ -162,7 +162,7 @@ def test_encoders_that_err_are_in_the_augmented_robot() -> None:
     ("probability", "rivals", "verdict"),
     [(0.99, (), "explained"), (0.6, (), "explained"), (0.93, ("joint_elasticity@joint1",), "ambiguous")],
 )
-def test_gaps_are_called_ambiguous_by_the_rule_of_torques(
+def test_only_listed_rivals_make_a_gear_finding_ambiguous(
     probability: float, rivals: tuple[str, ...], verdict: str
 ) -> None:
     """Only a rival that is listed makes it so."""
@@ -216,7 +216,7 @@ def recorded(robot: Robot, seed: int) -> tuple[Recording, Recording]:
 
 @pytest.mark.proof
 @pytest.mark.parametrize("hidden", CASES)
-def test_what_exudyn_hides_in_a_gear_is_found_and_written(hidden: str) -> None:
+def test_hidden_gear_effects_simulated_by_exudyn_are_found_and_written(hidden: str) -> None:
     gravity, truth, effects = CASES[hidden]
     robot = arm(gravity=gravity)
     one, two = recorded(arm(*effects, gravity=gravity), seed=5)
@@ -243,7 +243,7 @@ def test_what_exudyn_hides_in_a_gear_is_found_and_written(hidden: str) -> None:
 
 
 @pytest.mark.proof
-def test_a_gear_that_the_robot_file_knows_is_no_news() -> None:
+def test_gear_effect_in_the_robot_file_is_not_a_finding() -> None:
     """One effect is missing beside the gear."""
     robot = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 8e3, "damping": 8.0})
     rub = {"effect": "coulomb_friction", "at": "joint1", "torque": 4.0}
@@ -254,7 +254,7 @@ def test_a_gear_that_the_robot_file_knows_is_no_news() -> None:
     assert (only.effect, only.location) == ("coulomb_friction", "joint1")
     low, high = only.parameters["torque"].ci95
     assert low <= 4.0 <= high
-    assert any("not weighed again" in sentence for sentence in result.diagnosis.could_not_tell)
+    assert any("was not diagnosed" in sentence for sentence in result.diagnosis.could_not_tell)
     written = robot_from_toml(result.augmented_robot_toml)
     assert {use.effect for use in written.effects if use.at == "joint1"} == {
         "viscous_friction",

@@ -1,4 +1,4 @@
-"""What encoders' steps leave in their mean is not named."""
+"""Mean errors due to encoder resolution are not named."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from two_encoders import along_each
 from missing_physics.diagnosis.gear.transmission import diagnose_transmission
 
 
-def test_what_is_no_larger_than_the_steps_make_is_not_named() -> None:
+def test_effects_below_the_encoder_resolution_are_not_named() -> None:
     """Play that clearly shows, were encoders not rounded so coarsely."""
     motions = Motion(0), Motion(1)
     runs = [recording(m, -4e-6 * np.sign(m.link_torque), k) for k, m in enumerate(motions)]

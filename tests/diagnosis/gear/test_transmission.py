@@ -1,4 +1,4 @@
-"""The gap between two encoders, simulated by closed formulas: the right name, the truth in the interval."""
+"""The twist between two encoders in closed form: right names and correct intervals."""
 
 from __future__ import annotations
 
@@ -219,7 +219,9 @@ SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.proof) for seed in (1, 2))]
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(("gap", "turns", "truth"), TRUTHS, ids=lambda value: getattr(value, "__name__", ""))
-def test_names_what_was_put_in(gap: Gap, turns: float, truth: dict[str, dict[str, float]], seed: int) -> None:
+def test_simulated_gear_effects_are_named(
+    gap: Gap, turns: float, truth: dict[str, dict[str, float]], seed: int
+) -> None:
     result = diagnose(gap, seed, turns=turns)
     assert {finding.effect for finding in result.findings} == set(truth)
     assert {rung.effect for rung in result.ladder if rung.kept} <= set(truth)
@@ -234,7 +236,7 @@ def test_names_what_was_put_in(gap: Gap, turns: float, truth: dict[str, dict[str
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_wind_up_by_friction_behind_the_gear_is_no_delay(seed: int) -> None:
+def test_gear_twist_by_output_friction_is_not_named_as_a_delay(seed: int) -> None:
     """Friction c over stiffness K moves the joint as a delay of c/K = 0.3 ms would.
 
     The torque's sensor is so noisy that the torque of the links says more.
@@ -256,7 +258,7 @@ def test_wind_up_by_friction_behind_the_gear_is_no_delay(seed: int) -> None:
 
 @pytest.mark.proof
 @pytest.mark.parametrize("validate", [True, False])
-def test_finds_nothing_where_there_is_nothing(*, validate: bool) -> None:
+def test_ideal_gear_gives_no_finding(*, validate: bool) -> None:
     for seed in range(20):
         result = diagnose(nothing, seed, validate=validate)
         assert result.findings == ()
@@ -272,7 +274,7 @@ def test_holds_out_stretches_without_a_validation_recording() -> None:
     assert series.held_out.mean() == pytest.approx(0.25, abs=0.02)
 
 
-def test_explained_gap_reaches_the_noise_on_unseen_data() -> None:
+def test_held_out_error_of_the_twist_reaches_the_noise() -> None:
     result = diagnose(both, 7)
     errors = result.fit["joint1.position - joint1.motor_position"]
     # The truth is in the catalogue, so only noise is left; 30 % is room for filter edges and rounding.
@@ -280,13 +282,13 @@ def test_explained_gap_reaches_the_noise_on_unseen_data() -> None:
     assert errors.before.validation_rms > 50 * errors.noise_floor
 
 
-def test_offset_between_the_encoders_is_no_finding() -> None:
+def test_constant_offset_between_encoders_is_not_a_finding() -> None:
     result = diagnose(lambda motion: np.full(motion.time.size, 0.01), 3)
     assert result.findings == ()
     assert any("0.01 rad" in sentence and "zero error" in sentence for sentence in result.could_not_tell)
 
 
-def test_none_without_two_encoders() -> None:
+def test_gear_is_not_diagnosed_without_two_encoders() -> None:
     full = recording(Motion(0), np.zeros(Motion(0).time.size), 0)
     channels = {name: values for name, values in full.channels.items() if name != "joint1.position"}
     single = Recording(time=full.time, channels=channels, source="one encoder")

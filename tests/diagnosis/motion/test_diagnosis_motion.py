@@ -1,4 +1,4 @@
-"""Motion and torque of a recording: known signals, holes, jitter, motors, and what is refused."""
+"""Motion and torque of a recording: known signals, gaps, jitter, motors, and rejected input."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_resolution_counts_as_noise() -> None:
     assert estimate(coarse).low_pass.cutoff == pytest.approx(by_noise.low_pass.cutoff)
 
 
-def test_at_the_cutoff_noise_makes_the_promised_part_of_the_torque() -> None:
+def test_noise_at_the_cutoff_is_the_specified_fraction_of_the_torque() -> None:
     sigma = 3e-6
     motion = estimate(recording(duration=40.0), noise={"joint1.position": sigma})
     noise = sigma * default_rng(0).standard_normal(motion.time.size)
@@ -104,7 +104,7 @@ def test_velocity_noise_is_that_of_smoothed_noise() -> None:
     assert found == pytest.approx(motion.velocity_noise[0], rel=0.2)
 
 
-def test_a_short_hole_is_bridged() -> None:
+def test_short_gap_is_interpolated() -> None:
     made = recording()
     holed = made["joint1.position"].copy()
     holed[3000:3005] = np.nan
@@ -114,7 +114,7 @@ def test_a_short_hole_is_bridged() -> None:
     assert np.abs(found.raw_position - whole.raw_position).max() < 2.6e-6
 
 
-def test_of_parts_cut_by_long_holes_the_longest_is_used() -> None:
+def test_longest_part_between_long_gaps_is_used() -> None:
     made = recording()
     holed = made["joint1.torque"].copy()
     holed[1000:1100] = np.nan
@@ -124,7 +124,7 @@ def test_of_parts_cut_by_long_holes_the_longest_is_used() -> None:
     np.testing.assert_allclose(motion.torque[:, 0], made["joint1.torque"][1100:5000], atol=1e-11)
 
 
-def test_uneven_time_is_made_even() -> None:
+def test_uneven_samples_are_resampled() -> None:
     chance = default_rng(1)
     time = np.arange(8000) / 1000.0 + 2e-4 * chance.uniform(-1, 1, 8000)
     q, qd, qdd = AXIS[0](time)
@@ -147,7 +147,7 @@ def motor(**figures: float) -> Robot:
 DRIVE = {"gear_ratio": 20.0, "torque_constant": 0.5, "resistance": 4.0}
 
 
-def test_torque_comes_from_torque_then_current_then_voltage() -> None:
+def test_torque_is_taken_from_torque_current_or_voltage_in_this_order() -> None:
     channels = {f"joint1.{q}": np.zeros(3) for q in ("torque", "current", "voltage")}
     whole = Recording(np.arange(3.0), channels)
     robot = motor(**DRIVE)
@@ -165,7 +165,7 @@ def test_torque_comes_from_torque_then_current_then_voltage() -> None:
     assert actuator_torque(wireless, without("torque", "current"), "joint1") == (None, 0.0)
 
 
-def test_a_voltage_makes_torque_less_the_back_emf() -> None:
+def test_torque_from_a_voltage_accounts_for_back_emf() -> None:
     """Winding: i = (u - N kt qd)/R, torque N kt i."""
     _, qd, qdd = AXIS[0](np.arange(8000) / 1000.0)
     current = MASS * qdd / 10.0
@@ -224,6 +224,6 @@ def gaps(made: Recording) -> Recording:
         (gaps, "made.csv is cut by gaps into parts of at most 40 samples; a diagnosis needs 50 in a row"),
     ],
 )
-def test_what_cannot_be_used_is_refused_in_one_sentence(spoil: Any, sentence: str) -> None:
+def test_unusable_recordings_are_rejected_with_one_sentence(spoil: Any, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         estimate(spoil(recording()))

@@ -1,4 +1,4 @@
-"""Core channels of different clocks in one table: none is dropped, none compared above what it holds."""
+"""Core channels with different clocks: all are used, and none is compared beyond its bandwidth."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_slower_torque_keeps_all_samples_of_the_encoder_and_limits_the_cutoff(
     assert np.abs(slow.torque[inner, 0] - exact[inner]).max() < 1e-5 * np.ptp(exact)
 
 
-def test_a_cutoff_that_is_asked_for_stays_below_what_the_slower_channel_holds() -> None:
+def test_requested_cutoff_is_limited_by_the_slower_channel() -> None:
     found = estimate_motion(
         ROBOT, thinned(made(), {TORQUE: (4, 0)}), inertia=np.array([95.0]), noise={}, cutoff=70.0
     )
@@ -74,13 +74,13 @@ def test_noise_of_an_interpolated_channel_keeps_its_density() -> None:
 
 
 @pytest.mark.parametrize("every", [2, 4])
-def test_noise_of_a_slower_channel_is_judged_by_its_own_samples(every: int) -> None:
+def test_noise_of_a_slower_channel_is_estimated_from_its_own_samples(every: int) -> None:
     noisy = made().with_channels({TORQUE: made()[TORQUE] + 0.5 * default_rng(5).standard_normal(8000)})
     found = estimate_noise(thinned(noisy, {TORQUE: (every, 1)}))
     assert found[TORQUE] == pytest.approx(0.5, rel=0.1)
 
 
-def test_positions_of_two_joints_on_interleaved_clocks() -> None:
+def test_positions_of_two_joints_on_interleaved_clocks_are_combined() -> None:
     """Neither clock has an instant of the other; together they have as many instants as one."""
     robot = bare("two_link_arm")
     whole = recorded(robot, ARM_MOTION)
@@ -106,14 +106,14 @@ def test_a_gap_of_a_slower_channel_stays_a_gap() -> None:
     assert cut.time[0] == pytest.approx(3.056)
 
 
-def test_numbers_at_random_are_no_clock() -> None:
+def test_random_numbers_are_not_accepted_as_time_stamps() -> None:
     """What comes without any rhythm is used where it is, as ever."""
     holed = np.where(default_rng(6).random(8000) < 0.3, made()[TORQUE], np.nan)
     found = estimate(made().with_channels({TORQUE: holed}))
     assert found.low_pass.rate < 0.5 * FAST
 
 
-def test_too_few_numbers_are_refused() -> None:
+def test_too_few_samples_are_rejected() -> None:
     with pytest.raises(InputError, match="needs at least 50"):
         estimate(thinned(made(), {TORQUE: (200, 0)}))
 
@@ -127,7 +127,7 @@ SLOWER = {
 @pytest.mark.parametrize(
     "which", [pytest.param(name, marks=pytest.mark.proof if "rate" in name else ()) for name in SLOWER]
 )
-def test_hidden_dry_friction_is_named_with_its_number(which: str) -> None:
+def test_hidden_dry_friction_is_named_with_its_size(which: str) -> None:
     case = CASES["coulomb"]
     recording = thinned(simulate(ARM.with_effects(case.hidden), seed=1), SLOWER[which])
     found = diagnose(ARM, [recording], options=Options(experiments=False)).diagnosis

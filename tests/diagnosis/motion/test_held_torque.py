@@ -1,4 +1,4 @@
-"""A sampled controller holds its torque: that is no lag of the actuator."""
+"""The zero-order hold of a sampled controller is not an actuator lag."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def unexplained(period: float, rate: float) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     ("period", "rate"), [(0.002, 250.0), (0.004, 500.0)], ids=["recorded seldom", "recorded often"]
 )
-def test_a_held_torque_is_taken_as_it_acted(
+def test_zero_order_hold_of_a_torque_is_accounted_for(
     period: float, rate: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is left is a quarter or less of what a lag of half a period leaves; the filter's own error."""

@@ -1,4 +1,4 @@
-"""What is kept of a filtered recording is what the filter over all of it gives there."""
+"""The kept part of a filtered recording equals the output of the filter."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ACCURACY, ACCURACY_OF_FEW, FEW_PERIODS = 1e-8, 1e-5, 8.0
     periods=st.floats(2.5, 60.0),
     shape=st.sampled_from([(), (1,), (3,), (2, 2)]),
 )
-def test_what_is_kept_is_what_the_filter_gives(
+def test_kept_samples_equal_the_filter_output(
     seed: int, rate: float, share: float, periods: float, shape: tuple[int, ...]
 ) -> None:
     low_pass = LowPass(rate, share * rate)
@@ -36,13 +36,13 @@ def test_what_is_kept_is_what_the_filter_gives(
 
 
 @pytest.mark.parametrize("samples", [1, 2, 50, 399])
-def test_of_a_recording_shorter_than_its_spoiled_ends_nothing_is_kept(samples: int) -> None:
+def test_recording_shorter_than_the_filter_transients_keeps_no_samples(samples: int) -> None:
     low_pass = LowPass(100.0, 1.0)
     assert low_pass.edge == 200
     assert len(low_pass.reduce(np.ones((samples, 2)))) == 0
 
 
-def test_a_missing_value_is_not_hidden() -> None:
+def test_missing_value_stays_missing_after_filtering() -> None:
     values = np.ones(2000)
     values[1000] = np.nan
     assert np.isnan(LowPass(200.0, 5.0).reduce(values)).any()

@@ -1,4 +1,4 @@
-"""What is hidden in a recording is named, placed, measured and proven on data that were not fitted."""
+"""Hidden effects are named, located, estimated and validated on data that were not fitted."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LONGER = {
         for name, case in CASES.items()
     ],
 )
-def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None:
+def test_hidden_effect_is_named_located_estimated_and_validated(case: Case) -> None:
     nominal = ARM.with_effects(*case.known)
     made = simulate(nominal.with_effects(case.hidden), seed=1)
     result = diagnose(nominal, [made], options=QUICK)
@@ -39,7 +39,7 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
     assert {f"{finding.effect}@{finding.location}", *rivals} == {f"{case.effect}@{case.at}", *case.twins}
     assert found.verdict == ("ambiguous" if case.twins else "explained")
     assert finding.probability > (0.2 if case.twins else 0.75)  # at most 0.89 is ever stated
-    for name in case.told:
+    for name in case.identified:
         assert within(finding.parameters[name], case.parameters[name]), (name, finding.parameters[name])
     assert found.fit.validation_improvement > case.improvement
     for name, channel in found.fit.channels.items():
@@ -55,14 +55,14 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
 
 
 @pytest.mark.proof
-def test_an_encoder_gain_that_no_encoder_has_is_not_named() -> None:
+def test_implausible_encoder_gain_is_not_named() -> None:
     gain = EffectUse(effect="sensor_gain", at="joint2.position", **{"gain_error": 0.02})
     found = diagnose(ARM, [simulate(ARM.with_effects(gain), seed=1)], options=QUICK).diagnosis
     assert "sensor_gain" not in {f.effect for f in found.findings}
     assert "sensor_gain@joint2.position" not in {r for f in found.findings for r in f.ambiguous_with}
 
 
-def test_an_event_is_found_although_no_other_stretch_predicts_it() -> None:
+def test_event_in_a_single_fold_is_found() -> None:
     hit = EffectUse(effect="external_torque", at="joint2", torque=3.0, start=9.2, duration=0.5)
     found = diagnose(ARM, [simulate(ARM.with_effects(hit), seed=1)], options=QUICK).diagnosis
     assert [(f.effect, f.location) for f in found.findings] == [("external_torque", "joint2")]
@@ -76,7 +76,7 @@ def test_an_event_is_found_although_no_other_stretch_predicts_it() -> None:
 
 
 @pytest.mark.proof
-def test_two_effects_at_once() -> None:
+def test_two_simultaneous_effects_are_named() -> None:
     truth = ARM.with_effects(CASES["coulomb"].hidden, CASES["ripple"].hidden)
     found = diagnose(ARM, [simulate(truth, seed=1)], options=QUICK).diagnosis
     assert {(f.effect, f.location) for f in found.findings} == {
@@ -101,7 +101,7 @@ def tuned_away() -> tuple[Robot, Recording]:
 
 
 @pytest.mark.proof
-def test_what_tuning_has_hidden_is_found() -> None:
+def test_effect_hidden_by_tuned_parameters_is_found() -> None:
     robot, made = tuned_away()
     assert robot.effects[0].parameters["coefficient"] > 300  # of 200: it has swallowed friction
     found = diagnose(robot, [made], options=QUICK).diagnosis
@@ -112,7 +112,7 @@ def test_what_tuning_has_hidden_is_found() -> None:
     assert found.fit.validation_improvement > 0.5
 
 
-def test_an_axis_of_which_only_the_voltage_is_recorded(tmp_path: Path) -> None:
+def test_effect_is_named_from_a_recorded_voltage(tmp_path: Path) -> None:
     """A file in volts and millimetres through a mapping; the torque comes from the winding."""
     gear, constant, resistance = 400.0, 0.05, 0.8
     motor = Actuator(gear_ratio=gear, torque_constant=constant, resistance=resistance)

@@ -1,4 +1,4 @@
-"""Answers that leave something open, and recordings in which nothing is missing or nothing can be told."""
+"""Answers with open questions, and recordings without missing physics or without sufficient information."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_model import EffectUse, InputError, Recording, Robot
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.proof) for k in range(1, 6))])
 @pytest.mark.parametrize("robot", [ARM, AXIS], ids=["arm", "axis"])
-def test_nothing_is_named_when_nothing_is_missing(robot: Robot, seed: int) -> None:
+def test_no_effect_is_named_for_a_correct_robot_file(robot: Robot, seed: int) -> None:
     found = diagnose(robot, [simulate(robot, seed=seed)]).diagnosis
     assert found.findings == ()
     assert found.verdict == "consistent"
@@ -27,7 +27,7 @@ def test_nothing_is_named_when_nothing_is_missing(robot: Robot, seed: int) -> No
 
 
 @pytest.mark.proof
-def test_two_explanations_that_are_the_same_are_called_ambiguous() -> None:
+def test_equivalent_explanations_are_reported_as_ambiguous() -> None:
     """Gravity tilted in the plane of the arm turns everything as an offset of the first sensor does."""
     tilt = EffectUse(effect="gravity", at="base", x=0.3, y=0.0, z=0.0)
     found = diagnose(ARM, [simulate(ARM.with_effects(tilt), seed=1)], options=QUICK).diagnosis
@@ -50,7 +50,7 @@ def telegraph(time: np.ndarray, seed: int) -> np.ndarray:
 @pytest.mark.proof
 @pytest.mark.parametrize("foreign", [chirp, telegraph])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_something_foreign_is_located_and_left_unnamed(foreign: Any, seed: int) -> None:
+def test_physics_outside_the_catalogue_is_located_without_a_name(foreign: Any, seed: int) -> None:
     made = simulate(ARM, seed=seed)
     channel = "joint2.torque"
     disturbed = made.with_channels({channel: made[channel] + foreign(made.time, seed)})
@@ -84,16 +84,16 @@ def held(made: Recording) -> Recording:
     ],
     ids=["no torque", "no motion", "too short"],
 )
-def test_a_recording_that_cannot_tell_is_said_to(spoil: Any, sentence: str) -> None:
+def test_uninformative_recording_is_reported_as_such(spoil: Any, sentence: str) -> None:
     result = diagnose(ARM, [spoil(simulate(ARM, seed=1))])
     found = result.diagnosis
     assert found.verdict == "not_enough_data"
     assert found.findings == ()
-    assert any(re.match(sentence, said) for said in found.could_not_tell)
+    assert any(re.match(sentence, message) for message in found.could_not_tell)
     assert found.summary.startswith("The recording cannot support any statement")
     check(json.loads(found.to_json()), SHAPE)
 
 
-def test_what_is_no_recording_of_this_robot_is_refused() -> None:
+def test_recording_of_another_robot_is_rejected() -> None:
     with pytest.raises(InputError, match=r"neither joint1.position nor a channel that determines it"):
         diagnose(ARM, [only(simulate(ARM, seed=1), "torque")])

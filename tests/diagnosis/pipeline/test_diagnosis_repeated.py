@@ -1,4 +1,4 @@
-"""The same input gives the same answer, names and time origin tell nothing, a result says what was done."""
+"""Results are reproducible, independent of names and time origin, and documented."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ def without_names(found: Diagnosis) -> dict[str, Any]:
     return {**plain, "timing": timing}
 
 
-def test_names_order_and_further_channels_tell_nothing(coulomb: Recording, answer: Result) -> None:
+def test_result_does_not_depend_on_names_order_or_further_channels(
+    coulomb: Recording, answer: Result
+) -> None:
     """The diagnosis sees the robot and the arrays of motion and torque, whatever else stands there."""
     exact = simulate(ARM.with_effects(CASES["coulomb"].hidden), sensors=False)
     leaked = {"joint1.friction_torque": exact["joint1.friction_torque"], **coulomb.channels}
@@ -49,7 +51,7 @@ def test_names_order_and_further_channels_tell_nothing(coulomb: Recording, answe
     assert without_names(diagnose(ARM, [blind]).diagnosis) == without_names(answer.diagnosis)
 
 
-def test_the_time_origin_tells_nothing(coulomb: Recording, answer: Result) -> None:
+def test_result_does_not_depend_on_the_time_origin(coulomb: Recording, answer: Result) -> None:
     later = replace(coulomb, time=coulomb.time + 64.0)
     found, before = diagnose(ARM, [later]).diagnosis, answer.diagnosis
     assert found.verdict == before.verdict
@@ -63,7 +65,7 @@ def test_the_time_origin_tells_nothing(coulomb: Recording, answer: Result) -> No
             assert estimate.ci95 == pytest.approx(other.parameters[name].ci95, rel=1e-5)
 
 
-def test_series_ladder_and_notes_say_what_was_done(answer: Result) -> None:
+def test_series_steps_and_notes_document_the_diagnosis(answer: Result) -> None:
     found = answer.diagnosis
     wanted = {f"joint{k}.torque" for k in (1, 2)}
     assert {s.channel for s in answer.series} == set(found.fit.channels) == wanted
@@ -77,14 +79,14 @@ def test_series_ladder_and_notes_say_what_was_done(answer: Result) -> None:
     assert any("A quarter of each recording" in note for note in found.notes)
 
 
-def test_a_validation_recording_is_scored_and_never_fitted(coulomb: Recording) -> None:
+def test_validation_recording_is_scored_but_not_fitted(coulomb: Recording) -> None:
     other = simulate(ARM.with_effects(CASES["coulomb"].hidden), seed=2)
-    told: list[str] = []
-    result = diagnose(ARM, [coulomb], [other], options=QUICK, progress=told.append)
+    diagnosis: list[str] = []
+    result = diagnose(ARM, [coulomb], [other], options=QUICK, progress=diagnosis.append)
     found = result.diagnosis
     assert found.validation == (other.source,)
     assert {s.role for s in result.series} == {"train", "validation"}
     assert all(s.held_out.all() == (s.role == "validation") for s in result.series)
     assert found.fit.validation_improvement > 0.8
     assert not any("A quarter of each recording" in note for note in found.notes)
-    assert "weighing hypotheses" in told
+    assert "weighing hypotheses" in diagnosis

@@ -65,7 +65,7 @@ def left(scored: Recording, stiff: float) -> float:
 
 
 @pytest.mark.proof
-def test_the_second_link_is_as_soft_as_its_maker_measured_proven_on_another_specimen(real: Path) -> None:
+def test_stiffness_of_the_second_link_agrees_with_the_maker_and_another_specimen(real: Path) -> None:
     found = diagnosed(recording(real, "2026"), recording(real, "2011"))
     value, interval = stiffness(found, "flex2")
     # A third: an impulse test of which no error is stated, on another specimen. Theory is 2.7 times off.
@@ -85,7 +85,7 @@ def test_both_specimens_agree_on_the_second_link(real: Path) -> None:
 
 
 @pytest.mark.proof
-def test_both_links_and_dry_friction_of_one_specimen(real: Path) -> None:
+def test_both_link_stiffnesses_and_dry_friction_of_one_specimen_are_found(real: Path) -> None:
     whole = recording(real, "2026")
     found = diagnosed(whole.window(0.0, 10.0), whole.window(10.0, 20.0))
     for link, tested in TESTED.items():

@@ -57,9 +57,9 @@ def test_friction_is_named_from_the_mass_alone_and_close_to_what_was_published(r
 @pytest.mark.proof
 @pytest.mark.parametrize("nominal", ["mass_only", "published"])
 def test_friction_depends_on_the_direction_and_predicts_the_pulses_better(real: Path, nominal: str) -> None:
-    told = diagnosed(real, nominal)
-    assert "asymmetric_friction" in {f.effect for f in told.findings}
-    errors = told.comparison.channels["joint1.torque"]
+    result = diagnosed(real, nominal)
+    assert "asymmetric_friction" in {f.effect for f in result.findings}
+    errors = result.comparison.channels["joint1.torque"]
     assert errors.standard is not None
     assert errors.answer.validation_rms < 0.8 * errors.standard.validation_rms
     assert errors.answer.validation_rms < 0.8 * errors.nominal.validation_rms

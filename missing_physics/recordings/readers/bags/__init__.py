@@ -1,7 +1,7 @@
 """ROS bags: version 1 (``.bag``), version 2 (``.db3``, ``.mcap``, or the folder with its ``metadata.yaml``).
 
-Messages of type ``sensor_msgs/JointState`` are read. rosbags reads all three without ROS, whereas `mcap`
-and its supports know no version 1 and no database.
+Messages of type ``sensor_msgs/JointState`` are read. rosbags reads all three without ROS, whereas `mcap` and
+its extensions support neither version 1 nor databases.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def read(source: Source, *, want: Want) -> Raw:
     """The joint states of a bag.
 
     ``JOINT.position``, ``.velocity``, ``.torque``, and their ``time``, that of the headers [s from the
-    first], where one topic holds one set of joints and its stamps rise; each also as ``TOPIC.JOINT.position``
-    and so on, in addition to ``TOPIC.JOINT.time`` and ``TOPIC.JOINT.receive_time``.
+    first], if a single topic has one set of joints and increasing stamps; each also as
+    ``TOPIC.JOINT.position`` and so on, in addition to ``TOPIC.JOINT.time`` and ``TOPIC.JOINT.receive_time``.
 
     Raises:
         InputError: rosbags is not installed; truncated, damaged, larger than the budget; no joint states,
@@ -74,7 +74,7 @@ def read(source: Source, *, want: Want) -> Raw:
 
 
 def _path(source: Source) -> str:
-    """Where the bag is. rosbags opens databases by an address, in which some letters mean something else."""
+    """Path of the bag. rosbags opens databases by a URL, in which some characters are special."""
     path = source.path.resolve()
     files = [file for file in path.iterdir() if file.suffix == ".db3"] if path.is_dir() else [path]
     if any(set(_ADDRESS) & set(str(file)) for file in files if file.suffix == ".db3"):
@@ -85,7 +85,7 @@ def _path(source: Source) -> str:
 
 
 def _check_profile(source: Source) -> None:
-    """MCAP is a container of anything; what it holds is said at its begin."""
+    """Raises `InputError` unless an MCAP file, a general container, has a supported profile in its header."""
     if source.path.is_dir():
         return
     with source.path.open("rb") as file:
@@ -112,5 +112,7 @@ def _nothing(topics: list[list[object]]) -> str:
         )
     shown = ", ".join(f"{topic} ({kind})" for topic, kind, _ in topics[:_SHOWN])
     more = f" and {len(topics) - _SHOWN} more" if len(topics) > _SHOWN else ""
-    there = f"it has {shown}{more}" if topics else "it has no topics"
-    return f"has no messages of type sensor_msgs/JointState ({there}); record one, or export the data to CSV"
+    contents = f"it has {shown}{more}" if topics else "it has no topics"
+    return (
+        f"has no messages of type sensor_msgs/JointState ({contents}); record one, or export the data to CSV"
+    )

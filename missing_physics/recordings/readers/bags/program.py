@@ -4,9 +4,8 @@
 
 Chunks of a bag may unpack to any size, and a database may take any time, so the memory and time of this
 process are limited; BYTES is the memory for joint states. The protocol is described in
-`missing_physics.isolation.process`. The first line holds "topics", each with name, type
-and number of messages, and "groups", each with topic, joints and publishers; or "refused", a sentence without
-the file's name.
+`missing_physics.isolation.process`. The first line has "topics", each with name, type and number of messages,
+and "groups", each with topic, joints and publishers; or "refused", a sentence without the file's name.
 
 Messages are decoded by the definitions that come with rosbags, never by those in the file, from which rosbags
 would generate and run code.
@@ -35,13 +34,14 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = {"position": "position", "velocity": "velocity", "effort": "torque"}
 #: Lowest rate of skipping through a bag [bytes/s].
 _SLOWEST = 1e6
-#: What a bag that is compressed as a whole may unpack to, times its size, and whatever that is [bytes].
+#: Largest unpacked size of a compressed bag as a multiple of its size, and the size that is always allowed
+#: [bytes].
 _MOST_UNPACKED, _HARMLESS = 50, 1 << 26
 #: Number of copies in memory while numbers are read.
 _COPIES = 3
 _NUMBER = 8
-#: Messages used to detect that two nodes alternate, how many of one may come in a row, and the part of the
-#: change from one message to the next that remains between messages of the same node.
+#: Messages used to detect that two nodes alternate, how many of one node may be consecutive, and the fraction
+#: of the change between consecutive messages that remains between messages of the same node.
 _FEWEST, _MOST_APART, _RETURNS = 20, 6, 0.1
 
 
@@ -68,7 +68,7 @@ class Group:
         self.columns = {field: array("d") for field in FIELDS}
 
     def add(self, message: Any, received: int, publisher: str) -> int:
-        """Add a message; the number of bytes that it takes."""
+        """Add a message; returns its memory in bytes."""
         if publisher:
             self.publishers.setdefault(publisher)
         stamp = message.header.stamp
@@ -86,9 +86,10 @@ class Group:
         return (2 + 3 * len(order)) * _NUMBER
 
     def to_and_fro(self) -> bool:
-        """Whether positions jump between two motions, as where two nodes publish the same joints.
+        """Whether positions jump between two motions, as when two nodes publish the same joints.
 
-        Of one motion, or of noise, the change over several messages is no smaller than from one to the next.
+        For one motion, or noise, the change over several messages is not smaller than between consecutive
+        ones.
         """
         positions = np.array(self.columns["position"]).reshape(-1, len(self.joints))
         if len(positions) < _FEWEST or not np.isfinite(positions).all():
@@ -97,7 +98,7 @@ class Group:
         return min(steps[1:]) < _RETURNS * steps[0]
 
     def variables(self) -> Iterator[tuple[str, NDArray[Any]]]:
-        """What it holds by name: ``time``, ``receive_time`` [ns], ``JOINT.QUANTITY``, each of shape (N,)."""
+        """Its variables by name: ``time``, ``receive_time`` [ns], ``JOINT.QUANTITY``, each of shape (N,)."""
         yield "time", np.array(self.stamps, dtype=np.int64)
         yield "receive_time", np.array(self.received, dtype=np.int64)
         for field, quantity in FIELDS.items():
@@ -167,7 +168,7 @@ def _answer(topics: list[tuple[str, str, int]], groups: list[Group]) -> None:
     """Write the content, and send the requested datasets."""
     named = [dict(group.variables()) for group in groups]
     found = {f"{k}/{name}": values for k, group in enumerate(named) for name, values in group.items()}
-    said = [
+    described = [
         {
             "topic": group.topic,
             "joints": group.joints,
@@ -179,7 +180,7 @@ def _answer(topics: list[tuple[str, str, int]], groups: list[Group]) -> None:
     declared = [
         {"name": name, "shape": values.shape, "entry": _NUMBER, "chunk": 0} for name, values in found.items()
     ]
-    say({"topics": topics, "groups": said, "datasets": declared})
+    say({"topics": topics, "groups": described, "datasets": declared})
     for name in json.loads(sys.stdin.readline() or '{"names": []}')["names"]:
         send(np.ascontiguousarray(found[name]))
 

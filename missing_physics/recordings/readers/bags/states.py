@@ -1,4 +1,4 @@
-"""Joint states under the names of native channels, where that is not ambiguous, and by topic."""
+"""Joint states under the names of native channels, if unambiguous, and by topic."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_model import InputError
 
 __all__ = ["Group", "Variables", "variables"]
 
-#: The instants of a group: of the headers, and of the recorder.
+#: Time stamps of a group: those of the headers, and of the recorder.
 CLOCKS = ("time", "receive_time")
 #: Names that an error shows.
 _SHOWN = 4
@@ -29,7 +29,7 @@ class Group:
         topic: its name.
         joints: their names.
         publishers: nodes that sent them, as far as the bag knows.
-        mixed: positions jump to and fro between two motions.
+        mixed: whether positions alternate between two motions.
     """
 
     number: int
@@ -50,13 +50,13 @@ class Group:
 
 @dataclass(frozen=True)
 class Variables:
-    """Names of variables, and from which arrays of the bag they come.
+    """Names of variables, and the arrays of the bag from which they come.
 
     Attributes:
         source: the file, for people.
         groups: all of them.
         keys: variable to the key of its array.
-        ambiguous: why there are no native names; empty where there are.
+        ambiguous: why there are no native names; empty if there are.
     """
 
     source: str
@@ -69,7 +69,7 @@ class Variables:
 
         Args:
             wanted: variable to the key of its array.
-            arrays: by key, those of all clocks [ns] among them.
+            arrays: by key, including those of all clocks [ns].
         """
         clocks: dict[str, NDArray[np.float64]] = {}
         for clock in CLOCKS:
@@ -84,7 +84,7 @@ class Variables:
         return Raw(self.source, found, names, unnamed=ambiguous)
 
     def _unusable(self, clocks: Mapping[str, NDArray[np.float64]]) -> str:
-        """Why the header's stamps of the only group are no time; empty where they are."""
+        """Why the header's stamps of the only group cannot be used as time; empty if they can."""
         group = self.groups[0]
         stamps = clocks[f"{group.number}/time"]
         wrong = int(np.sum(np.diff(stamps) <= 0))
@@ -101,11 +101,11 @@ class Variables:
 
 
 def variables(source: str, groups: Sequence[Group], keys: Sequence[str]) -> Variables:
-    """The names of what a bag holds.
+    """Names of the variables of a bag.
 
     Args:
         source: the file, for people.
-        groups: what the bag has.
+        groups: all groups of the bag.
         keys: of its arrays, ``NUMBER/time`` or ``NUMBER/JOINT.QUANTITY``.
 
     Raises:

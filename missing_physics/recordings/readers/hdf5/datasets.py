@@ -14,7 +14,7 @@ from missing_physics.recordings.readers.source import Source
 __all__ = ["is_hdf5", "read_datasets"]
 
 _PROGRAM = Path(__file__).with_name("program.py")
-#: The begin of HDF5, which stands at byte 0, 512 or any double of that.
+#: Signature of HDF5, at byte 0, 512 or that times a power of two.
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _FIRST_DOUBLED = 512
 #: Number of copies in memory while numbers are read.
@@ -22,7 +22,7 @@ _COPIES = 2
 
 
 def is_hdf5(source: Source) -> bool:
-    """Whether the file is HDF5, whatever its header text says."""
+    """Whether the file is HDF5, regardless of its header text."""
     size = source.path.stat().st_size
     at = 0
     with source.path.open("rb") as file:
@@ -40,8 +40,8 @@ def read_datasets(source: Source, *, want: Want, kind: str, by_columns: bool) ->
     Args:
         source: the file.
         want: which to read, by name.
-        kind: what people call the format.
-        by_columns: the writer stores by columns, as MATLAB does: the file's shapes are its own reversed.
+        kind: displayed name of the format.
+        by_columns: whether the writer stores by columns, as MATLAB does, so that shapes are reversed.
 
     Raises:
         InputError: truncated, damaged, or larger than the budget.

@@ -23,7 +23,7 @@ from missing_physics.isolation.limits import Limits, fail, say, send
 
 __all__ = ["main"]
 
-#: HDF5's number of the one compression that MATLAB uses, and of filters that leave a chunk's size as it is.
+#: HDF5's number of the only compression that MATLAB uses, and of filters that preserve a chunk's size.
 _DEFLATE = h5py.h5z.FILTER_DEFLATE
 _PLAIN = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
 #: Largest expansion by deflate (RFC 1951: 258 bytes from two bits); size of a chunk that is not checked.
@@ -53,7 +53,7 @@ def main(path: str) -> None:
 
 
 def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
-    """Those with numbers by their names; in MATLAB's arrays of cells each is called as there, ``log{1}``."""
+    """Numeric datasets by name; those in MATLAB's cell arrays are named as there, ``log{1}``."""
     items: dict[str, h5py.Dataset] = {}
 
     def visit(name: str, item: Any) -> None:
@@ -108,7 +108,7 @@ def _values(item: h5py.Dataset) -> NDArray[Any]:
 
 
 def _check_chunks(item: h5py.Dataset) -> None:
-    """HDF5 inflates a chunk to whatever length it has, before it compares that with the declared one."""
+    """Check chunk lengths, since HDF5 inflates a whole chunk before comparing with the declared length."""
     properties = item.id.get_create_plist()
     codes = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
     if not set(codes) <= {_DEFLATE, *_PLAIN} or codes.count(_DEFLATE) > 1:

@@ -1,10 +1,10 @@
 """MAT: MATLAB's own files, version 4 to 7.3.
 
 Versions 4 to 7 are decoded here, not by SciPy: `scipy.io.loadmat` trusts the element tags of a version 5 file
-in C, so that a zeroed tag ends the process, or lets it write outside its arrays. These readers are Python and
-NumPy alone and compare every length with what there is, so that no bytes can do more than raise an error; and
-they know sizes before they unpack. Version 7.3 is HDF5, whose library crashes on some damaged files, so that
-h5py reads it in a separate process.
+in C, so a zeroed tag ends the process, or lets it write outside its arrays. These readers use only Python and
+NumPy and compare every length with the available bytes, so damaged files can only raise an error; and they
+know sizes before unpacking. Version 7.3 is HDF5, whose library crashes on some damaged files, so h5py reads
+it in a separate process.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _MARK = 4
 def read(source: Source, *, want: Want) -> Raw:
     """The variables of a MAT file in MATLAB's shapes, fields of structures flattened with dots.
 
-    Cells are called as in MATLAB, ``log{1}``. Text, complex and sparse arrays, function handles and objects
-    of classes are left out. Raises `InputError` when the file is truncated or damaged.
+    Cells are named as in MATLAB, ``log{1}``. Text, complex and sparse arrays, function handles and objects of
+    classes are skipped. Raises `InputError` when the file is truncated or damaged.
     """
     with source.path.open("rb") as file:
         head = file.read(len(_VERSION_73))

@@ -1,4 +1,4 @@
-"""Tagged elements of MAT versions 5 to 7, each read only within what it lies in.
+"""Tagged elements of MAT versions 5 to 7, each read only within its enclosing element.
 
 The format: MathWorks, "MAT-File Format", section "Level 5 MAT-File Format".
 """
@@ -33,12 +33,12 @@ _COMPLEX = 1 << 11
 
 
 class Tag(NamedTuple):
-    """What stands before an element's bytes.
+    """The tag before an element's bytes.
 
     Attributes:
         kind: type of the element.
-        size: bytes that it has.
-        small: these bytes, where they stand in the tag itself.
+        size: number of bytes.
+        small: the bytes, if they are in the tag itself.
     """
 
     kind: int
@@ -48,14 +48,14 @@ class Tag(NamedTuple):
 
 @dataclass(frozen=True)
 class Header:
-    """What a matrix declares.
+    """The header of a matrix.
 
     Attributes:
         kind: its class.
         complex: whether imaginary parts follow.
         shape: its dimensions.
-        name: empty of what is part of another matrix.
-        of_class: of an object that only MATLAB can open; empty of all else.
+        name: empty for part of another matrix.
+        of_class: class of an object that only MATLAB can open; else empty.
     """
 
     kind: int
@@ -66,7 +66,7 @@ class Header:
 
     @property
     def count(self) -> int:
-        """Numbers, or structures."""
+        """Number of entries or structures."""
         return math.prod(self.shape)
 
     @property
@@ -92,7 +92,7 @@ class Part:
         return self.end - self.stream.at
 
     def tag(self) -> Tag:
-        """The next tag. Raises ValueError where its element would be longer than what it lies in."""
+        """The next tag. Raises ValueError if its element would be longer than the enclosing one."""
         word = int(self._array(1, "u4")[0])
         if word >> 16:
             size = word >> 16
@@ -105,7 +105,7 @@ class Part:
         return Tag(word, size, None)
 
     def inside(self, tag: Tag) -> Part:
-        """The elements of which an element is made."""
+        """The elements inside an element."""
         if tag.kind != _MATRIX or tag.small:
             raise ValueError(f"type {tag.kind} where a matrix is expected at byte {self.stream.at}")
         return Part(self.stream, self.order, self.stream.at + tag.size)
@@ -130,11 +130,11 @@ class Part:
         return [int(value) for value in np.frombuffer(self.short(), dtype=f"{self.order}i4")]
 
     def text(self) -> str:
-        """Its text."""
+        """The text of such an element."""
         return _letters(self.short())
 
     def header(self) -> Header:
-        """What a matrix declares that begins here."""
+        """The header of the matrix that begins here."""
         flags = self.integers()
         if len(flags) != 2:
             raise ValueError(f"no flags of a matrix at byte {self.stream.at}")
@@ -187,7 +187,7 @@ class Part:
 
 
 def _letters(content: bytes) -> str:
-    """Text up to its closing zero; of versions before UTF-8 in Latin-1."""
+    """Text up to its terminating zero; Latin-1 for versions before UTF-8."""
     text = content.split(b"\0")[0]
     try:
         return text.decode("utf-8")

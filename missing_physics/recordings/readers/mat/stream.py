@@ -1,4 +1,4 @@
-"""Bytes in their order, from a file or unpacked from a part of it, and never more than asked for."""
+"""Sequential bytes, from a file or unpacked from a part of it, never more than requested."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from missing_physics.recordings.readers.source import Source
 
 __all__ = ["Plain", "Stream", "Unpacked", "read_array"]
 
-#: Bytes that are unpacked, or passed over, at once.
+#: Number of bytes unpacked, or skipped, at once.
 _BLOCK = 1 << 16
-#: Bytes that may follow a compressed variable, which fill its last element up.
+#: Number of bytes that may follow a compressed variable as padding of its last element.
 _PADDING = 8
 
 
@@ -23,20 +23,20 @@ class Stream(Protocol):
     """Bytes that are read once.
 
     Attributes:
-        at: how many have been read or passed over.
+        at: number of bytes read or skipped.
     """
 
     at: int
 
     def fill(self, target: memoryview) -> None:
-        """Read as many bytes as `target` has. Raises ValueError where there are fewer."""
+        """Read as many bytes as `target` has. Raises ValueError if there are fewer."""
 
     def skip(self, count: int) -> None:
-        """Pass over bytes. Raises ValueError where there are fewer."""
+        """Skip bytes. Raises ValueError if there are fewer."""
 
 
 def read_array(stream: Stream, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """The next `count` entries of `dtype` in the machine's own byte order, shape (count,)."""
+    """The next `count` entries of `dtype` in the machine's byte order, shape (count,)."""
     values = np.empty(count, dtype=dtype)
     stream.fill(values.view(np.uint8).data)
     return values.astype(dtype.newbyteorder("="), copy=False)
@@ -65,7 +65,7 @@ class Plain:
 
 
 class Unpacked:
-    """What the next `packed` bytes of a file unpack to."""
+    """The unpacked content of the next `packed` bytes of a file."""
 
     def __init__(self, plain: Plain, packed: int, source: Source) -> None:
         self._plain, self._left, self._source = plain, packed, source
@@ -81,7 +81,7 @@ class Unpacked:
             done += len(block)
 
     def skip(self, count: int) -> None:
-        """See `Stream`; since unpacking takes time, it is taken from the budget like what is kept."""
+        """See `Stream`; skipped bytes count in the budget like kept ones, since unpacking takes time."""
         if count < 0:
             raise ValueError("an element is longer than what it is part of")
         end = self.at + count

@@ -22,7 +22,7 @@ __all__ = ["variables"]
 _TYPES = ("f8", "f4", "i4", "i2", "u2", "u1")
 _ORDERS, _MOST_ORDERS = 2, 5
 _FULL, _KINDS = 0, 3
-#: Bytes of a name, its closing zero included; MATLAB allows 64.
+#: Bytes of a name, including its terminating zero; MATLAB allows 64.
 _LONGEST_NAME = 4096
 
 

@@ -1,4 +1,4 @@
-"""MAT versions 5 to 7: matrices, which may be compressed, and structures in which they nest."""
+"""MAT versions 5 to 7: matrices, which may be compressed, and nested structures."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from missing_physics.recordings.readers.source import Source
 
 __all__ = ["variables"]
 
-#: Bytes of the header of a file, of which the last two say its byte order.
+#: Bytes of the header of a file; the last two give its byte order.
 _HEADER = 128
 _ORDERS = {b"IM": "<", b"MI": ">"}
 #: Depth of structures in structures.
 _DEEPEST = 64
-#: What an entry of an array of structures is taken to cost [bytes]: less in memory, more in time.
+#: Assumed cost of an entry of an array of structures [bytes]: it takes less memory, but more time.
 _CELL = 1000
 #: Cells of one array that are variables of their own.
 MOST_CELLS = 256
@@ -61,7 +61,7 @@ class _Reader:
     objects: dict[str, str]
 
     def compressed(self, plain: Plain, tag: Tag, order: str) -> None:
-        """A compressed variable; one that is not wanted is unpacked no further than its name."""
+        """Read a compressed variable; one that is not wanted is unpacked only up to its name."""
         unpacked = Unpacked(plain, tag.size, self.source)
         whole = Part(unpacked, order, math.inf)
         part = whole.inside(whole.tag())
@@ -70,12 +70,12 @@ class _Reader:
             unpacked.finish()
 
     def matrix(self, part: Part, label: str = "", depth: int = 0) -> bool:
-        """A variable or the field of one; whether there was more to read than what it is called.
+        """Read a variable or a field of one; returns whether more than its name was read.
 
         Args:
-            part: the elements that it is made of.
-            label: its name where it has none in the file.
-            depth: how many structures it lies in.
+            part: its elements.
+            label: its name if it has none in the file.
+            depth: number of enclosing structures.
         """
         header = part.header()
         label = label or header.name
@@ -99,7 +99,7 @@ class _Reader:
         return part.numbers(header, tag, dtype)
 
     def _structures(self, part: Part, header: Header, label: str, depth: int) -> None:
-        """One structure, whose fields are variables, or an array of them, whose fields are columns."""
+        """Read one structure, whose fields are variables, or an array of them, whose fields are columns."""
         if depth > _DEEPEST:
             raise ValueError("structures are nested too deeply")
         fields = [f"{label}.{name}" for name in part.field_names(header)]
@@ -113,7 +113,7 @@ class _Reader:
                 inner.leave()
 
     def _cells(self, part: Part, header: Header, label: str, depth: int) -> None:
-        """Cells that are variables, called as in MATLAB, ``log{1}``; many with a number each are a column."""
+        """Read cells as variables, named as in MATLAB, ``log{1}``; many with one number each are a column."""
         if depth > _DEEPEST:
             raise ValueError("cells are nested too deeply")
         if header.count > MOST_CELLS:
@@ -126,7 +126,7 @@ class _Reader:
                 inner.leave()
 
     def _columns(self, part: Part, header: Header, label: str, fields: list[str]) -> None:
-        """Of an array of structures each field whose entries are single numbers is one variable."""
+        """Read an array of structures: each field with single numbers is one variable."""
         cells = header.count * len(fields)
         of = f"structures of {len(fields)} fields in {label}" if label else f"cells in {fields[0]}"
         claim = f"{self.source} declares {header.count} {of}"
@@ -146,7 +146,7 @@ class _Reader:
 
 
 def _scalar(part: Part) -> Any:
-    """The number of a matrix that holds one, else None."""
+    """The number of a matrix with one entry, else None."""
     value = None
     if part.left:
         header = part.header()

@@ -16,7 +16,7 @@ __all__ = ["section"]
 
 #: Rungs in the picture; the table lists all.
 MOST_BARS = 25
-#: How the names of forces begin that are only curves.
+#: Prefix of the ids of unnamed forces.
 UNNAMED = "unknown_of_"
 
 
@@ -34,7 +34,7 @@ def section(result: Result, robot: Robot) -> Section | None:
 
 
 def _distinct(ladder: Sequence[Rung]) -> list[Rung]:
-    """Every explanation once: a search that starts twice tries some of them again, to the same numbers."""
+    """Every explanation once: a search with several starts tries some of them again with equal results."""
     found: dict[tuple[object, ...], Rung] = {}
     for rung in ladder:
         found.setdefault((rung.effect, rung.location, rung.added_to, number(rung.evidence)), rung)
@@ -61,7 +61,7 @@ def _label(term: str) -> str:
 
 
 def _title(effect: str) -> str:
-    """An effect's name; a force that has none is said by what it is a curve over."""
+    """An effect's title; for an unnamed force the variable of its curve."""
     if effect.startswith(UNNAMED):
         return f"Force without a name, over {effect.removeprefix(UNNAMED).replace('_', ' ')}"
     return effect_title(effect)

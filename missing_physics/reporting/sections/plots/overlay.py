@@ -16,13 +16,14 @@ from robot_model import Robot
 
 __all__ = ["section"]
 
-#: Points of all time figures together; at 12 bytes each, packed, about 1.6 MB of the page.
+#: Total number of points of all time figures; at 12 bytes each, packed, about 1.6 MB of the page.
 DRAWN_POINTS = 100_000
 MOST_POINTS_PER_LINE = 5000
 LINES = 5
-#: Speed below which a joint rests, as a share of its largest, and the share of such samples worth a sentence.
+#: Speed below which a joint rests, as a fraction of its largest, and the fraction of such samples from which
+#: it is mentioned.
 AT_REST, WORTH_TELLING = 0.01, 0.05
-#: Figures beyond this many stand folded, so that the page opens quickly.
+#: Figures beyond this many are folded, so that the page opens quickly.
 OPEN_FIGURES = 3
 
 
@@ -75,7 +76,7 @@ def _figure(result: Result, series: ChannelSeries, order: int, limit: int) -> Fi
 
 
 def _rest(series: ChannelSeries) -> str:
-    """A note on intervals at rest, where these are a significant share."""
+    """A note on intervals at rest, if these are a significant fraction."""
     if series.velocity is None or series.channel.endswith(".position"):
         return ""
     speed = np.abs(series.velocity[np.isfinite(series.velocity)])

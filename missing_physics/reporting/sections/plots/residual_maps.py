@@ -18,7 +18,7 @@ __all__ = ["Binned", "binned_quantiles", "section"]
 
 Array = NDArray[np.float64]
 
-#: Even, so that over a range symmetric about zero the bins of both signs of velocity stay apart.
+#: Even, so that over a range symmetric about zero no bin mixes both signs of velocity.
 BINS = 40
 FEWEST_SAMPLES = 10
 QUANTILES = (0.1, 0.5, 0.9)
@@ -26,7 +26,7 @@ DENSITY = (72, 54)
 #: Share of the residuals within the vertical range; the share outside is stated.
 SHOWN = 0.998
 TOLD_OUTSIDE = 5e-4
-#: Room between the rows of panels, as a share of the height.
+#: Space between the rows of panels, as a fraction of the height.
 ROW_GAP = 0.15
 #: Length of the dash of one bin [px]: about the width of a bin, so that the dashes meet.
 DASH = 9

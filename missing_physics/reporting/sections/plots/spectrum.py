@@ -106,7 +106,7 @@ def _noise(series: ChannelSeries, frequency: Array) -> list[Spec]:
 
 
 def _thinned(frequency: Array, amplitude: Array) -> tuple[Array, Array]:
-    """At most `MOST_POINTS`, evenly spread over the logarithm of frequency, the largest of each stretch."""
+    """At most `MOST_POINTS` points, evenly spaced in log frequency, the maximum of each interval."""
     if frequency.size <= MOST_POINTS:
         return frequency, amplitude
     edges = np.unique(np.searchsorted(frequency, np.geomspace(frequency[0], frequency[-1], MOST_POINTS)))
@@ -138,7 +138,7 @@ def _mark(frequency: float) -> Spec:
 
 
 def _mark_text(frequency: float, order: int) -> Spec:
-    """Labels next to the marks, each lower than the last; unlike shapes they need the logarithm in plotly."""
+    """Labels next to the marks, each lower than the last; plotly needs their logarithm, unlike for shapes."""
     return {
         "text": label(f"{number(frequency)} Hz"),
         "x": float(np.log10(frequency)),

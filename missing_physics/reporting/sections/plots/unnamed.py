@@ -16,13 +16,13 @@ __all__ = ["section"]
 #: Height of a figure [px].
 HEIGHT = 340
 CAPTION = (
-    "Line: what the actuator delivers beyond what the model needs. Band: 95 % confidence interval. "
+    "Line: torque of the actuator beyond what the model needs. Band: 95 % confidence interval. "
     "Between its knots the curve is interpolated linearly."
 )
 
 
 def section(result: Result, robot: Robot) -> Section | None:
-    """Sentence and figure of each unnamed force; None where there are none."""
+    """Sentence and figure of each unnamed force; None if there are none."""
     items = result.diagnosis.unnamed
     if not items:
         return None
