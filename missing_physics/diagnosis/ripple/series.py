@@ -42,6 +42,7 @@ class Fast:
         residual: recorded minus predicted torque, zero where a joint is near rest or has no torque,
             shape (N, n).
         slow: end of the motion's band [Hz].
+        compared: joints that are compared in the band of the motion, shape (n,): others are held.
         zeros: what is added to the positions to have them about the zeros of the first recording, shape (n,)
             [rad or m].
     """
@@ -52,6 +53,7 @@ class Fast:
     torque: Array
     residual: Array
     slow: float
+    compared: NDArray[np.bool_]
     zeros: Array
 
     @property
@@ -62,7 +64,8 @@ class Fast:
     @property
     def known(self) -> NDArray[np.bool_]:
         """Samples in which each joint slides and has a torque, shape (N, n)."""
-        return np.asarray((self.motion.shares > 0.5) & np.isfinite(self.motion.torque))
+        known = (self.motion.shares > 0.5) & np.isfinite(self.motion.torque)
+        return np.asarray(known & self.compared)
 
     def of_joint(self, term: Term, effect: JointEffect) -> Array:
         """Torque that an effect at a joint takes, and its derivatives, shape (N, 1 + P)."""
@@ -132,8 +135,12 @@ class Fast:
         return np.asarray(make_interp_spline(motion.time[at], inertia, k=1)(motion.time))
 
 
-def fast(robot: Robot, recording: Recording, slow: float) -> Fast | None:
-    """A recording above a band that ends at `slow` [Hz]; None where it is sampled too slowly for that."""
+def fast(robot: Robot, recording: Recording, slow: float, compared: NDArray[np.bool_]) -> Fast | None:
+    """A recording above a band that ends at `slow` [Hz]; None where it is sampled too slowly for that.
+
+    Args:
+        robot, recording, slow, compared: see `Fast`.
+    """
     sampling = (recording.time.size - 1) / float(recording.time[-1] - recording.time[0])
     band = Band(HIGHEST * sampling, SMOOTHING * sampling)
     if band.torque < 2.0 * slow:
@@ -142,4 +149,5 @@ def fast(robot: Robot, recording: Recording, slow: float) -> Fast | None:
     torque = predicted(robot, motion).torque
     smooth = low_passed(np.nan_to_num(motion.torque), rate=motion.rate, cutoff=band.motion)
     residual = np.where(np.isfinite(motion.torque), (smooth - torque) * motion.shares, 0.0)
-    return Fast(robot, recording.source, motion, torque, residual, slow, np.zeros(torque.shape[1]))
+    zeros = np.zeros(torque.shape[1])
+    return Fast(robot, recording.source, motion, torque, residual, slow, compared, zeros)

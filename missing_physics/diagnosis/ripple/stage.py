@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from missing_physics.answer.answer import dismissed, rung
 from missing_physics.diagnosis.further.errors import Channel, series_of
 from missing_physics.diagnosis.further.findings import Key, Reading, findings_of
@@ -48,7 +50,8 @@ def with_ripple(
     file = robot_from_toml(result.augmented_robot_toml)
     if robot.base.kind == "free" or robot.flexible_links or robot.transmissions:
         return result  # bodies that follow the joints vibrate above the band
-    every = [own for own in (fast(file, one, slow) for one in recordings) if own is not None]
+    compared = np.any([own.counted.any(axis=0) for own in result.rows], axis=0)
+    every = [own for own in (fast(file, one, slow, compared) for one in recordings) if own is not None]
     data = RippleData.of(robot, every, fitted) if len(every) == len(recordings) else None
     if data is None:
         return result
