@@ -2,8 +2,8 @@
 
 from missing_physics.diagnosis.coverage import Coverage, coverage, one_way_words, prepared, reason_words
 from missing_physics.diagnosis.coverage.contradictions import ContradictionError, contradictions
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics, most_samples
 from missing_physics.diagnosis.pipeline import Options, diagnose
+from missing_physics.motion.recorded import make_dynamics, most_samples
 from missing_physics.results.result import Diagnosis, Result
 
 __all__ = [

@@ -66,9 +66,19 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.checks",
         "missing_physics.evaluation",
     ),
-    "missing_physics.plausibility": ("robot_model",),
+    "missing_physics.plausibility": ("robot_model", "reference_model"),
     "missing_physics.results": ("robot_model", "missing_physics.evaluation", "missing_physics.standard"),
+    # Motion and dynamics along a recording, for what is checked and compared before torques are fitted.
+    "missing_physics.motion": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.recordings",
+        "missing_physics.checks",
+        "missing_physics.evaluation",
+        "missing_physics.standard",
+    ),
     "missing_physics.diagnosis": (
+        "missing_physics.motion",
         "missing_physics.answer",
         "missing_physics.hypotheses",
         "missing_physics.inference",
@@ -135,12 +145,11 @@ KNOWS: dict[str, tuple[str, ...]] = {
 
 #: Packages of the diagnosis, from recorded data upwards: each may import those before it.
 DIAGNOSIS = (
-    "motion",
-    "dynamics",
     "known",
     "coverage",
     "comparison",
     "further",
+    "ripple",
     "gear",
     "gear_file",
     "base",

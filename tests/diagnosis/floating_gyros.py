@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from floating_cases import flyer
 
 from missing_physics.diagnosis.base.stage import BaseResult, diagnose_base
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
+from missing_physics.motion.recorded import make_dynamics
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot
 

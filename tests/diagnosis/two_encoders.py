@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
+from missing_physics.motion.inverse import MotionDynamics
+from missing_physics.motion.recorded import make_dynamics
 from missing_physics.results.result import ChannelFit, Diagnosis, Errors, Fit, Mismatch, Result
 from robot_model import Recording, Robot, load_robot, robot_to_toml
 

@@ -121,7 +121,7 @@ def test_any_recording_is_decimated_or_rejected_with_one_sentence(
 
 
 def test_too_many_samples_are_thinned_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missing_physics.diagnosis.dynamics.recorded.MOST_SAMPLES", 50_000)
+    monkeypatch.setattr("missing_physics.motion.recorded.MOST_SAMPLES", 50_000)
     robot, told = load_robot("single_axis"), []
     most = most_samples(robot)
     long = made(most + 10_000)
@@ -150,7 +150,7 @@ def test_diagnosis_and_inspection_limit_the_number_of_samples(monkeypatch: pytes
     with pytest.warns(UserWarning, match="become 400 at 100 Hz"), pytest.raises(InputError, match="enough"):
         diagnosing.diagnose(robot, two, two, rate=100.0, as_recorded=True)
     assert lengths == [400, 400]
-    monkeypatch.setattr("missing_physics.diagnosis.dynamics.recorded.MOST_SAMPLES", 4000)
+    monkeypatch.setattr("missing_physics.motion.recorded.MOST_SAMPLES", 4000)
     notes = [finding for finding in inspect(two, robot).problems if finding.kind == "too_many"]
     assert "4000 samples at 1000 Hz become 1000 at 250 Hz" in notes[0].sentence
 

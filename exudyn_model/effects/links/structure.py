@@ -113,7 +113,7 @@ def _modal_damping(robot: Robot, use: EffectUse, p: Mapping[str, float]) -> Robo
 def _centrifugal_stiffening(robot: Robot, use: EffectUse, p: Mapping[str, float]) -> Robot:
     link = _link(robot, use)
     if link.beam is None or link.beam.stiffening:
-        raise _refused(robot, use, "the link is no beam, or stiffens already.")
+        raise _refused(robot, use, "the link is not a beam, or stiffens already.")
     if not 0 <= p["strength"] <= 1:
         raise _refused(robot, use, f"its strength is a share from 0 to 1, not {p['strength']:g}.")
     if p["strength"] == 0:

@@ -9,9 +9,9 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.diagnosis.base.stage import BaseResult
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.further.merge import joined, written_with
 from missing_physics.hypotheses import Term
+from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.results.result import Result
 from missing_physics.standard.model import use_of
 from reference_model.effects.base import SensorEffect

@@ -11,8 +11,8 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.gyros import covered, gyro_noise
 from missing_physics.diagnosis.base.response import Floating
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.motion.low_pass import LowPass
+from missing_physics.motion.inverse import MotionDynamics
+from missing_physics.motion.low_pass import LowPass
 from reference_model.effects.pushing import BodySeries
 from reference_model.kinematics.spatial import rotation_from_rpy
 from reference_model.passive.base_motion import BaseMotion

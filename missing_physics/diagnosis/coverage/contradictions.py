@@ -31,9 +31,9 @@ from missing_physics.diagnosis.coverage.torque_channels import (
     torque_findings,
     unexplained,
 )
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
 from missing_physics.evaluation.band import DENSE
+from missing_physics.motion.inverse import MotionDynamics
+from missing_physics.motion.recorded import make_dynamics
 from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, sentence_of
 from missing_physics.recordings.channels.decimation import decimated
 from missing_physics.standard.band import SLOWEST, WIDER, motion_band

@@ -9,7 +9,7 @@ import numpy as np
 
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.diagnosis.coverage.needs import Needs
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.motion.inverse import MotionDynamics
 from robot_model import Recording, Robot
 
 __all__ = ["dead_channels", "without_dead"]

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.evaluation.sliding import NEAR
 from missing_physics.hypotheses.extents import STANDSTILL
 from missing_physics.inference.data import held_out_windows
+from missing_physics.motion.estimate import Motion
+from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.recordings import rests_on_levels
 from missing_physics.standard.band import SLOWEST
 from robot_model import Recording, Robot, unit_of

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.hypotheses.extents import STANDSTILL
+from missing_physics.motion.inverse import MotionDynamics
 
 __all__ = ["Needs"]
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missing_physics.diagnosis.coverage.dead import dead_channels, without_dead
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
-from missing_physics.diagnosis.motion.estimate import Motion
+from missing_physics.motion.estimate import Motion
+from missing_physics.motion.inverse import MotionDynamics
+from missing_physics.motion.recorded import make_dynamics
 from robot_model import Recording, Robot
 
 __all__ = ["Prepared", "prepared"]

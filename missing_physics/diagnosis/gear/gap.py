@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.evaluation.steps import mean_rounding_error
+from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from missing_physics.answer.answer import dismissed, rung
 from missing_physics.answer.locate import BEYOND_NOISE, p_value_of
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.further.errors import beyond_noise, errors_of, fits_of, series_of
 from missing_physics.diagnosis.further.findings import findings_of
 from missing_physics.diagnosis.further.merge import Further
@@ -26,6 +25,7 @@ from missing_physics.diagnosis.gear.gap import gaps_of
 from missing_physics.diagnosis.gear.laws import ELASTICITY, HYSTERESIS
 from missing_physics.inference import Fit, search, weighed
 from missing_physics.inference.fit import residuals
+from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.results.comparison import AT_NOISE
 from missing_physics.results.result import Finding, Mismatch
 from reference_model.effects.base import GearEffect

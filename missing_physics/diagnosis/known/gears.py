@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
+from missing_physics.motion.inverse import MotionDynamics
+from missing_physics.motion.recorded import make_dynamics
 from robot_model import Recording, Robot
 
 __all__ = ["behind_gears"]

@@ -11,7 +11,7 @@ from diagnosis_cases import ARM, Sines, bare, recorded
 
 from missing_physics.diagnosis.coverage import Coverage, coverage, prepared
 from missing_physics.diagnosis.coverage.contradictions import contradictions
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
+from missing_physics.motion.recorded import make_dynamics
 from robot_model import Actuator, InputError, Recording, Robot
 
 ROBOT = bare("two_link_arm", noise=True)

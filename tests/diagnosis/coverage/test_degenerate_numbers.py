@@ -10,7 +10,7 @@ import pytest
 from diagnosis_cases import ARM, bare, recorded
 
 from missing_physics.diagnosis.coverage.needs import Needs
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
+from missing_physics.motion.recorded import make_dynamics
 from missing_physics.recordings.inspection.units import position_per_velocity
 
 ROBOT = bare("two_link_arm", noise=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis import diagnose
-from missing_physics.diagnosis.dynamics import recorded
+from missing_physics.motion import recorded
 from robot_model import InputError, Recording, load_robot
 
 MOST = 4000

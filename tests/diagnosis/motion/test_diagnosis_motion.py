@@ -11,8 +11,8 @@ from numpy.random import default_rng
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque
-from missing_physics.diagnosis.motion.estimate import NOISE_PART, Motion, estimate_motion
-from missing_physics.diagnosis.motion.low_pass import LowPass
+from missing_physics.motion.estimate import NOISE_PART, Motion, estimate_motion
+from missing_physics.motion.low_pass import LowPass
 from robot_model import Actuator, InputError, Recording, Robot
 
 MASS = 95.0

@@ -12,7 +12,7 @@ from end_to_end_cases import ARM, CASES
 from numpy.random import default_rng
 
 from missing_physics.diagnosis import Options, diagnose
-from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
+from missing_physics.motion.estimate import Motion, estimate_motion
 from missing_physics.recordings import estimate_noise
 from missing_physics.standard.band import HIGHEST
 from reference_model.simulation import simulate

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics.recorded import make_dynamics
-from missing_physics.diagnosis.motion import estimate as motion
+from missing_physics.motion import estimate as motion
+from missing_physics.motion.recorded import make_dynamics
 from reference_model.simulation import simulate
 from robot_model import load_robot
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missing_physics.diagnosis.motion.low_pass import LowPass
+from missing_physics.motion.low_pass import LowPass
 
 #: Where a recording has only few periods of the cut-off, its ends reach further than the filter forgets.
 ACCURACY, ACCURACY_OF_FEW, FEW_PERIODS = 1e-8, 1e-5, 8.0

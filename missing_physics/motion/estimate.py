@@ -20,8 +20,8 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
-from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.evaluation.joint_motion import SIGN_UNCERTAINTY, SLOWEST
+from missing_physics.motion.low_pass import LowPass
 from missing_physics.standard.band import HIGHEST, LOWEST, WIDER, WIDEST, position_channel, velocity_noise_of
 from reference_model.control.laws import sample_time
 from robot_model import Recording, Robot

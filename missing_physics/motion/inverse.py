@@ -15,7 +15,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.motion.estimate import Motion
+from missing_physics.motion.estimate import Motion
 from reference_model.evaluation.model import BaseMotion, RobotModel
 from reference_model.passive.inner_motion import InnerMotion
 

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from missing_physics.checks.gyros import gyro_channels
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics, joint_inertia
-from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
+from missing_physics.motion.estimate import Motion, estimate_motion
+from missing_physics.motion.inverse import MotionDynamics, joint_inertia
 from missing_physics.recordings import estimate_noise, sensors_of
 from reference_model.evaluation.model import RobotModel
 from robot_model import InputError, Recording, Robot

@@ -1,1 +1,0 @@
-"""Inverse dynamics along a recorded motion, and predictions of gyros."""
