@@ -25,9 +25,6 @@ from robot_model import Drive, Recording, Robot, robot_from_toml
 
 __all__ = ["with_ripple"]
 
-#: Ratio of sampling rates that count as one: clocks of one recorder differ by less.
-ALIKE = 1.01
-
 
 def with_ripple(
     result: Result,
@@ -55,9 +52,8 @@ def with_ripple(
         return result  # bodies that follow the joints vibrate above the band
     compared = np.any([own.counted.any(axis=0) for own in result.rows], axis=0)
     every = [own for own in (fast(file, one, slow, compared) for one in recordings) if own is not None]
-    rates = [own.motion.rate for own in every]
-    if len(every) < len(recordings) or max(rates) > ALIKE * min(rates):
-        return result  # one filter serves all recordings
+    if len(every) < len(recordings):
+        return result
     data = RippleData.of(robot, every, fitted)
     if data is None:
         return result
@@ -87,18 +83,18 @@ def _series(
 ) -> tuple[ChannelSeries, ...]:
     """Filtered residuals of the joints at which a wave is stated, without and with it."""
     stated = {finding.location.split(".")[0] for finding in findings}
-    before, after = ([residuals(data, fit, i) for i in range(len(data.every))] for fit in (standard, answer))
+    before, after = ([residuals(data, fit, i) for i in range(len(data.rows))] for fit in (standard, answer))
     channels = [
-        Channel(f"{drive.name}.torque above {data.every[0].slow:.2g} Hz", _unit(drive, "N m"), drive.name)
+        Channel(f"{drive.name}.torque above {data.rows[0].own.slow:.2g} Hz", _unit(drive, "N m"), drive.name)
         for drive in data.robot.drives
     ]
 
     def shown(run: int, k: int) -> dict[str, object]:
-        own, unit = data.every[run], _unit(data.robot.drives[k], "rad")
+        rows, unit = data.rows[run], _unit(data.robot.drives[k], "rad")
         return {
-            "recording": own.source,
-            "position": own.motion.position[data.kept(run), k],
-            "velocity": own.motion.velocity[data.kept(run), k],
+            "recording": rows.own.source,
+            "position": rows.own.motion.position[rows.kept, k],
+            "velocity": rows.own.motion.velocity[rows.kept, k],
             "variable_units": (unit, f"{unit}/s"),
         }
 

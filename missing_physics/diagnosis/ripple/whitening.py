@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,6 @@ class Whitening:
 
     Attributes:
         low, high: the band [Hz].
-        rate: of the series to which it is applied [Hz].
         frequencies: at which the gain is given, rising, shape (F,) [Hz].
         gain: at these, shape (F,).
         level: rms of white noise after the filter, equal to that of the noise in the band before.
@@ -37,21 +37,27 @@ class Whitening:
 
     low: float
     high: float
-    rate: float
     frequencies: Array
     gain: Array
     level: float
 
     @classmethod
-    def of(cls, series: Sequence[Array], *, low: float, high: float, rate: float) -> Whitening | None:
-        """The filter of the residuals of one joint, (N,) each; None where these are zero in the band."""
-        length = min(max(64, int(PERIODS * rate / low)), min(map(len, series)))
-        spectra = [welch(one, fs=rate, nperseg=length) for one in series]
-        frequencies = spectra[0][0]
-        density = np.average([own for _, own in spectra], axis=0, weights=[len(one) for one in series])
+    def of(cls, series: Sequence[Array], rates: Sequence[float], *, low: float, high: float) -> Self | None:
+        """The filter of the residuals of one joint; None where these are zero in the band.
+
+        Args:
+            series: one residual for each recording, (N,) each.
+            rates: their sampling rates [Hz].
+            low, high: the band [Hz], below half of every rate.
+        """
         octaves = np.log2(high / low)
         grid = low * 2.0 ** (np.arange(int(PER_OCTAVE * octaves) + 1) / PER_OCTAVE)
-        smooth = np.interp(grid, frequencies, density)
+        spectra = []
+        for own, rate in zip(series, rates):
+            length = min(max(64, int(PERIODS * rate / low)), len(own))
+            spectra.append(np.interp(grid, *welch(own, fs=rate, nperseg=length)))
+        lasting = [len(own) / rate for own, rate in zip(series, rates)]
+        smooth = np.average(spectra, axis=0, weights=lasting)
         smooth = median_filter(smooth, size=min(PER_OCTAVE, smooth.size) + 1, mode="nearest")
         if not smooth.min() > 0.0:
             return None
@@ -59,13 +65,13 @@ class Whitening:
         gain = flank / np.sqrt(smooth)
         level = float(np.sqrt(np.trapezoid(smooth * flank**2, grid)))
         white = float(np.sqrt(np.trapezoid(smooth * gain**2, grid)))
-        return cls(low, high, rate, grid, gain * level / white, level)
+        return cls(low, high, grid, gain * level / white, level)
 
-    def __call__(self, values: Array) -> Array:
-        """The filtered series, along the first axis, shape (N, ...); its ends are spoiled."""
+    def __call__(self, values: Array, rate: float) -> Array:
+        """A filtered series, (N, ...), sampled at a rate [Hz]; its ends are spoiled."""
         count = len(values)
         padded = next_fast_len(2 * count, real=True)
-        frequencies = np.fft.rfftfreq(padded, 1.0 / self.rate)
+        frequencies = np.fft.rfftfreq(padded, 1.0 / rate)
         gain = np.interp(frequencies, self.frequencies, self.gain, left=0.0, right=0.0)
         rows = np.moveaxis(values, 0, -1)
         turned = np.concatenate([rows, rows[..., ::-1]], axis=-1)  # without a step between the ends

@@ -45,13 +45,37 @@ def test_a_ripple_is_proven_on_a_recording_whose_encoder_has_another_zero() -> N
     assert found.validation_improvement > 0.05  # with the other zero it would rise
 
 
+def test_a_ripple_is_proven_on_a_recording_of_another_sampling_rate() -> None:
+    other = rippled(2)
+    every_third = Recording(
+        time=other.time[::3], channels={name: other[name][::3] for name in other.channels}, source="slower"
+    )
+    result = diagnose(AXIS, [rippled(1)], [every_third])
+    [found] = result.diagnosis.findings
+    assert found.effect == "torque_ripple"
+    assert found.validation_improvement > 0.05  # filtered for another rate, the wave would not be there
+
+
+def test_a_wave_passes_the_filter_alike_at_every_sampling_rate() -> None:
+    rng = np.random.default_rng(0)
+    series, rates = [rng.normal(size=20_000), rng.normal(size=8_000)], [1000.0, 400.0]
+    white = Whitening.of(series, rates, low=5.0, high=80.0)
+    assert white is not None
+
+    def passed(rate: float) -> float:
+        wave = np.sin(2.0 * np.pi * 20.0 * np.arange(int(4.0 * rate)) / rate)
+        return float(white(wave, rate)[int(rate) : int(3.0 * rate)].std())
+
+    assert passed(1000.0) == pytest.approx(passed(400.0), rel=0.01)  # interpolation of the gain
+
+
 def test_whitened_noise_is_white_and_as_large_as_before() -> None:
     rate, low, high = 500.0, 5.0, 100.0
     noise = np.random.default_rng(0).normal(size=60_000)
     coloured = np.convolve(noise, np.exp(-np.arange(60) / 12.0), mode="same")
-    white = Whitening.of([coloured], low=low, high=high, rate=rate)
+    white = Whitening.of([coloured], [rate], low=low, high=high)
     assert white is not None
-    found = white(coloured)
+    found = white(coloured, rate)
     frequencies, density = welch(found, fs=rate, nperseg=1024)
     inside = (frequencies > 1.5 * low) & (frequencies < 0.7 * high)
     assert density[inside].max() < 1.6 * density[inside].min()  # 117 segments: 9 % each, 3.5 deviations
@@ -62,7 +86,7 @@ def test_whitened_noise_is_white_and_as_large_as_before() -> None:
 
 
 def test_a_silent_joint_has_no_whitening() -> None:
-    assert Whitening.of([np.zeros(1000)], low=5.0, high=100.0, rate=500.0) is None
+    assert Whitening.of([np.zeros(1000)], [500.0], low=5.0, high=100.0) is None
 
 
 @pytest.mark.parametrize("shift", [0.0, 4e-3, -7e-3])
