@@ -74,7 +74,7 @@ def _counts(answers: Sequence[Answer], robots: Sequence[Robot]) -> str:
         f"{len(ratios)} joints with an error of both the standard model and the answer: the answer is "
         f"worse than {NO_WORSE} times the standard model at {_listed(behind)}, better by more than 10 % at "
         f"{better}.",
-        f"Joints at which the answer is worse than {NO_WORSE} times the robot as described: "
+        f"Joints at which the answer is worse than {NO_WORSE} times the nominal robot file: "
         f"{_listed(beyond)}.",
         f"Statements beyond what machines can be (`missing_physics.plausibility`): {_listed(odd)}.",
         f"Joints that could not be judged: {_listed(silent)}.",
@@ -101,7 +101,7 @@ def _overview(answers: Sequence[Answer]) -> str:
         )
     return table(("machine", "verdict", "left at the worst joint:", "named:", "s:", "MB:"), rows) + (
         "\n\nLeft: held-out mismatch energy beyond the noise under the answer, in parts of that under the "
-        "robot as described."
+        "nominal robot file."
     )
 
 

@@ -159,10 +159,10 @@ def build(
 ) -> System:
     """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam".
 
-    `base` is the initial state of the base, by default at rest as described. `bent` is the initial deflection
-    of modal bodies, by name; others must be straight. `motors` are the initial positions of motors with their
-    own coordinate, which start with the speed of their joints. `nearby` gives the forces close to a state,
-    for their derivatives. `watched` names links on whose modal coordinates they depend.
+    `base` is the initial state of the base, by default at rest in the nominal pose. `bent` is the initial
+    deflection of modal bodies, by name; others must be straight. `motors` are the initial positions of motors
+    with their own coordinate, which start with the speed of their joints. `nearby` gives the forces close
+    to a state, for their derivatives. `watched` names links on whose modal coordinates they depend.
     """
     parts, connections = parts_of(robot, effects.masses, effects.points, effects.stiffening)
     poses = initial_poses(robot, parts, connections, base=base, bent=bent)

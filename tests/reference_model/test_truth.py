@@ -1,4 +1,4 @@
-"""A controller uses the robot as described, whatever effects the robot has."""
+"""A controller uses the nominal robot file, whatever effects the robot has."""
 
 from __future__ import annotations
 

@@ -125,8 +125,8 @@ def initial_poses(
 ) -> list[Pose]:
     """Frames of all parts at time 0, with the joints' initial positions and velocities.
 
-    `base` is the pose and velocity of the base, by default at rest as described. `bent` is the deflection of
-    flexible links by name; others are straight.
+    `base` is the pose and velocity of the base, by default at rest in the nominal pose. `bent` is
+    the deflection of flexible links by name; others are straight.
     """
     still = np.zeros(3)
     resting = Pose(from_rpy(robot.base.rpy), np.asarray(robot.base.position, dtype=float), still, still)

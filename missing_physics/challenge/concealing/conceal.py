@@ -96,7 +96,7 @@ class Concealed:
 
     @cached_property
     def _file(self) -> Robot:
-        """The machine as described by the file before any tuning; the controller uses these parameters."""
+        """The machine with the file's errors, before any tuning; the controller uses these parameters."""
         return with_file_errors(self.design.nominal, self.design.conditions.file_errors)
 
     @property

@@ -41,7 +41,7 @@ OVERALL = {
         "is proven and the robot file holds the standard model."
     ),
     "nominal": (
-        "On data that were not fitted the answer predicts worse than the robot as described, so nothing of "
+        "On data that were not fitted the answer predicts worse than the nominal robot file, so nothing of "
         "it is proven and the robot file is as it was."
     ),
 }
