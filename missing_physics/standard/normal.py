@@ -25,7 +25,7 @@ class Normal:
     """Normal equations of one group of rows.
 
     Attributes:
-        acts: indices of the parameters on which each joint's torque depends, shape (u,) each.
+        active: indices of the parameters on which each joint's torque depends, shape (u,) each.
         gram: products of their columns with each other at each joint, shape (u, u) each.
         right: products of their columns with the torque, shape (u,) each.
         square: sum of squares of the torque at each joint, shape (n,).
@@ -47,7 +47,7 @@ class Normal:
         """Normal equations of some rows.
 
         Args:
-            acts: see above.
+            active: see above.
             columns: of these parameters at each joint, zero where nothing is compared, shape (K, u) each.
             torque: zero where nothing is compared, shape (K, n).
             count, size: see above.
