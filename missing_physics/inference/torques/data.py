@@ -152,7 +152,7 @@ class TorqueData(Data):
         """Whether rows linearised at the first parameters are valid at the second, shape (X,) each.
 
         The delays must be nearly equal. The motion of a free base and flexible links depends on the masses,
-        and some effects are driven by the torque that the motion needs. In these cases the difference must
+        and some effects are driven by the torque that the motion needs or by friction. Then the difference must
         change the torques by less than the noise and the error of any model.
         """
         angle = (
@@ -163,7 +163,7 @@ class TorqueData(Data):
         )
         if angle >= SAME:
             return False
-        driven = {t.at for t in terms if t.effect.uses_torque}
+        driven = {t.at for t in terms if t.effect.uses_torque or t.effect.is_modifier}
         joints = np.array([self.follows or joint in driven for joint in self.joints])
         if not joints.any():
             return True
