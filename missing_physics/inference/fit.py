@@ -327,7 +327,9 @@ def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Arra
     of independent errors follows from the band; the error of any model is added to the residual.
     """
     weight = 1.0 / sigma**2
-    free, size = problem.layout.free, problem.layout.size[problem.layout.free]
+    free = problem.layout.free
+    hessian = hessian - np.diag(problem.proximal[free])
+    size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
     scaled = np.outer(size, size)
     scores = problem.scores(x, weight)[:, free] * size
     scores -= scores.mean(axis=0)

@@ -86,6 +86,16 @@ class Problem:
         free[count:] = [own or term.is_linear(p) for term, own in zip(self.terms, moving) for p in term.free]
         return replace(self.layout, free=free)
 
+    @cached_property
+    def proximal(self) -> Array:
+        """Curvature that only limits steps, of parameters with no prior but the catalogue's range, (Y,)."""
+        found, first = np.zeros_like(self.begin), self.data.start.size
+        each = [(term, p) for term in self.terms for p in term.free]
+        for i, (term, p) in enumerate(each, start=first):
+            if not p.linear and not term.is_given and prior_of(term, p) is None:
+                found[i] = self.layout.width[i] ** -2.0 - (p.upper - p.lower) ** -2.0
+        return np.maximum(found, 0.0)
+
     def energy_at(self, parameters: Array) -> Array:
         """Squared residual of each joint with these standard model parameters and the present terms."""
         found = np.zeros_like(self.begin)
