@@ -119,6 +119,16 @@ def test_errors_are_those_of_the_stated_parameters_also_at_a_bound(arm: Robot) -
     np.testing.assert_allclose(stated, again, rtol=1e-6)  # the law is linear in what the last step moved
 
 
+def test_parameter_that_the_rows_do_not_determine_has_no_narrow_interval(arm: Robot) -> None:
+    """Stribeck friction so slow that no row shows it: its speed may be any below them."""
+    data = data_of(arm, nothing)
+    start = {"coulomb_torque": COULOMB, "static_torque": 1.5 * COULOMB, "stribeck_velocity": 1e-4}
+    law = Term.of(get_effect("stribeck_friction"), "joint", start)
+    fit = fitted(data, Candidate(law, (("joint.coulomb", 0.0),)).added_to(Hypothesis()))
+    assert fit.deviation("stribeck_friction@joint.stribeck_velocity") > 100.0 * start["stribeck_velocity"]
+    assert fit.deviation("stribeck_friction@joint.coulomb_torque") < 0.1 * COULOMB
+
+
 def test_shape_parameters_of_other_joints_stay_fixed_until_the_fit_is_completed(arm: Robot) -> None:
     data, ripple = data_of(arm, wave), get_effect("torque_ripple")
     term = Term.of(ripple, "joint", {**{p.name: 0.0 for p in ripple.parameters}, "order": 6.8})

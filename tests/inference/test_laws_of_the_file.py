@@ -102,6 +102,15 @@ def test_correct_friction_law_of_the_robot_file_leaves_no_residual(arm: Robot) -
         assert not diagnosis.nominal_parameters
 
 
+def test_temperature_dependent_friction_is_relative_to_the_cold_joint_and_not_to_its_average(
+    arm: Robot,
+) -> None:
+    robot = arm.with_effects(viscous(), EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB))
+    (found,) = diagnosed(robot, warm).diagnosis.findings
+    assert found.effect == "temperature_dependent_friction"
+    assert found.parameters["rate"].value == pytest.approx(RATE, rel=0.05)  # of the average it is half more
+
+
 def test_temperature_dependent_friction_of_the_file_leaves_no_residual(arm: Robot) -> None:
     robot = arm.with_effects(
         viscous(),

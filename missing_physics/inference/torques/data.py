@@ -152,8 +152,8 @@ class TorqueData(Data):
         """Whether rows linearised at the first parameters are valid at the second, shape (X,) each.
 
         The delays must be nearly equal. The motion of a free base and flexible links depends on the masses,
-        and some effects are driven by the torque that the motion needs or by friction. Then the difference must
-        change the torques by less than the noise and the error of any model.
+        and some effects are driven by the torque that the motion needs, or by friction. In these cases the
+        difference must change the torques by less than the noise and the error of any model.
         """
         angle = (
             2.0
