@@ -23,6 +23,8 @@ Mask = NDArray[np.bool_]
 
 #: Rows kept per period of the band's upper end.
 PER_PERIOD = 2.5
+#: Relative rounding of a ratio of sampling rates.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,7 @@ class Rows:
         """Samples that are rows."""
         motion = self.own.motion
         edge = int(SPOILED_PERIODS * motion.rate / self.own.slow)
-        stride = max(1, int(motion.rate / (PER_PERIOD * self.high)))
+        stride = max(1, int(motion.rate / (PER_PERIOD * self.high) * (1.0 + ROUNDING)))
         return slice(edge, max(edge, motion.time.size - edge), stride)
 
     @cached_property
