@@ -43,7 +43,10 @@ def interval_text(value: float, ci95: tuple[float, float]) -> tuple[str, str, st
         digits = max(2 + _magnitude(largest) - _magnitude(side), 2)
         return number(value, digits), number(low, digits), number(high, digits)
     decimals = max(1 - _magnitude(side), 0)
-    return _fixed(value, decimals), _fixed(low, decimals), _fixed(high, decimals)
+    shown = _fixed(value, decimals)
+    if low >= 0.0 < value and float(shown) == 0.0:  # far below an upper bound that is hardly known
+        shown = number(value, 2)
+    return shown, _fixed(low, decimals), _fixed(high, decimals)
 
 
 def within_text(value: float, ci95: tuple[float, float], unit: str = "") -> str:

@@ -62,6 +62,8 @@ def test_number_is_right_to_three_digits(value: float) -> None:
         # at one end of the interval, and beyond it
         (0.34960001, (0.3496, 3.0), ("0.3", "0.3", "3.0")),
         (2.0, (1.0, 1.0001), ("2.00000", "1.00000", "1.00010")),
+        # a positive quantity whose upper bound is hardly known
+        (0.00292, (0.0, 10.0), ("0.0029", "0", "10")),
         # nothing is known of the uncertainty
         (6.887, (6.887, 6.887), ("6.887", "–", "–")),
         (1.0, (-math.inf, math.inf), ("1.000", "-∞", "∞")),
