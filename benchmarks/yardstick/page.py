@@ -45,8 +45,8 @@ INTRODUCTION = (
     "Each row is one diagnosis of a real machine with its runs to fit and to hold out "
     "(`benchmarks/yardstick/machines.toml`), with the same settings for all; no machine is recognised. "
     "Errors are rms of measured minus predicted torque on the held-out runs (on stretches that were left "
-    "out of the fit where there are none), on the same samples in the same band for the robot as "
-    "described (nominal), the standard model (viscous and Coulomb friction, offset, rotor, base inertial "
+    "out of the fit where there are none), on the same samples in the same band for the nominal "
+    "robot file, the standard model (viscous and Coulomb friction, offset, rotor, base inertial "
     "parameters) and the robot file that was written (answer). Noise is what the sensors' noise leaves in "
     "it."
 )
