@@ -270,7 +270,8 @@ def _label(key: tuple[str, str], place: str) -> str:
 
 def _estimate(data: TorqueData, fit: Fit, term: Term, p: Parameter, value: float) -> Estimate:
     half = QUANTILE * fit.deviation(f"{term.effect.id}@{term.at}.{p.name}")
-    low, high = max(value - half, p.lower), min(value + half, p.upper)
+    # Smaller values than a recording shows are possible, but not larger ones than it has room for.
+    low, high = max(value - half, p.lower), min(value + half, term.range_of(p)[1])
     return Estimate(value, (low, high), _unit(data, term.at, p.unit))
 
 

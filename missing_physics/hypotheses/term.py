@@ -111,6 +111,11 @@ class Term:
         shares = self.effect.shares_torque and not self.in_rows
         return p.linear and not shares
 
+    def range_of(self, p: Parameter) -> tuple[float, float]:
+        """Bounds of a parameter: those set by a recording's extent, else the catalogue's."""
+        narrower = {name: (low, high) for name, low, high in self.limits}
+        return narrower.get(p.name, (p.lower, p.upper))
+
     @property
     def linear_values(self) -> tuple[float, ...]:
         """Values of the linear estimated parameters, 0 for non-linear ones.

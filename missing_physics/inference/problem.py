@@ -88,12 +88,13 @@ class Problem:
 
     @cached_property
     def proximal(self) -> Array:
-        """Curvature that only limits steps, of parameters with no prior but the catalogue's range, (Y,)."""
+        """Curvature that only limits steps, of parameters with no prior but their range, shape (Y,)."""
         found, first = np.zeros_like(self.begin), self.data.start.size
         each = [(term, p) for term in self.terms for p in term.free]
         for i, (term, p) in enumerate(each, start=first):
             if not p.linear and not term.is_given and prior_of(term, p) is None:
-                found[i] = self.layout.width[i] ** -2.0 - (p.upper - p.lower) ** -2.0
+                low, high = term.range_of(p)
+                found[i] = self.layout.width[i] ** -2.0 - max(high - low, np.finfo(float).tiny) ** -2.0
         return np.maximum(found, 0.0)
 
     def energy_at(self, parameters: Array) -> Array:

@@ -41,6 +41,10 @@ class ExternalTorque(JointEffect):
         ended = ca.tanh((s.time - p["start"] - p["duration"]) / p["edge"])
         return p["torque"] * (begun - ended) / 2
 
+    def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
+        shortest = self.parameter("duration").lower
+        return {"duration": (shortest, max(extent.duration, shortest))}
+
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         blind = [(a * extent.duration, (a + b) * extent.duration) for a, b in BLIND_WINDOWS]
         windows = extent.windows[:MOST_WINDOWS] or blind

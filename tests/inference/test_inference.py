@@ -129,6 +129,14 @@ def test_parameter_that_the_rows_do_not_determine_has_no_narrow_interval(arm: Ro
     assert fit.deviation("stribeck_friction@joint.coulomb_torque") < 0.1 * COULOMB
 
 
+def test_uncertainty_of_a_shape_parameter_is_at_most_its_range(arm: Robot) -> None:
+    """A push of zero torque could have any duration that the recording has room for."""
+    start, longest = {"torque": 0.0, "start": 6.0, "duration": 0.02}, 1.0
+    term = Term.of(get_effect("external_torque"), "joint", start, run=0, limits={"duration": (1e-4, longest)})
+    fit = fitted(data_of(arm, nothing), Hypothesis((term,)))
+    assert fit.deviation("external_torque@joint.duration") <= longest
+
+
 def test_shape_parameters_of_other_joints_stay_fixed_until_the_fit_is_completed(arm: Robot) -> None:
     data, ripple = data_of(arm, wave), get_effect("torque_ripple")
     term = Term.of(ripple, "joint", {**{p.name: 0.0 for p in ripple.parameters}, "order": 6.8})
