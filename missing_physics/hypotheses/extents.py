@@ -62,6 +62,7 @@ def extent_of(sight: Sight) -> Extent:
         gear_ratio=sight.gear_ratio,
         windows=_pulses(sight),
         orders=_orders(sight),
+        begin=float(sight.time[0]),
     )
 
 

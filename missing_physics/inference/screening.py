@@ -92,7 +92,8 @@ class Screen:
         if not np.all(np.isfinite(grams)):
             return -np.inf
         aims = np.tensordot(fitted, right.sum(axis=1), 1)
-        thetas = np.linalg.solve(grams + RIDGE * np.eye(size.size), aims[:, :, None])[:, :, 0]
+        inverses = np.linalg.pinv(grams + RIDGE * np.eye(size.size), hermitian=True)
+        thetas = np.einsum("fcd,fd->fc", inverses, aims)
         for g, b, theta in zip(gram, right, thetas):
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
         model_error = (self.data.error * self.weight) ** 2 * self.count

@@ -112,6 +112,7 @@ class Extent:
         peak_torque: largest actuator torque [N m or N].
         windows: time windows in which the residual stands out, [(start, stop)] in s.
         orders: strongest angular orders k of the residual, as in cos(k position) [1/rad or 1/m].
+        begin: time of the first sample [s].
     """
 
     position: tuple[float, float]
@@ -125,6 +126,7 @@ class Extent:
     peak_torque: float = float("inf")
     windows: tuple[tuple[float, float], ...] = ()
     orders: tuple[float, ...] = ()
+    begin: float = 0.0
 
 
 class Effect(ABC):

@@ -43,10 +43,14 @@ class ExternalTorque(JointEffect):
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         shortest = self.parameter("duration").lower
-        return {"duration": (shortest, max(extent.duration, shortest))}
+        longest = max(extent.duration, 2.0 * shortest)
+        return {"start": (extent.begin, extent.begin + longest), "duration": (shortest, longest)}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        blind = [(a * extent.duration, (a + b) * extent.duration) for a, b in BLIND_WINDOWS]
+        blind = [
+            (extent.begin + a * extent.duration, extent.begin + (a + b) * extent.duration)
+            for a, b in BLIND_WINDOWS
+        ]
         windows = extent.windows[:MOST_WINDOWS] or blind
         shortest = max(2 * extent.sample_time, self.parameter("duration").lower)
         return tuple({"start": max(a, 0.0), "duration": max(b - a, shortest)} for a, b in windows)
