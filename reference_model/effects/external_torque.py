@@ -44,7 +44,9 @@ class ExternalTorque(JointEffect):
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         shortest = self.parameter("duration").lower
         longest = max(extent.duration, 2.0 * shortest)
-        return {"start": (extent.begin, extent.begin + longest), "duration": (shortest, longest)}
+        first = max(extent.begin, self.parameter("start").lower)
+        last = max(extent.begin + longest, first + shortest)
+        return {"start": (first, last), "duration": (shortest, longest)}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         blind = [

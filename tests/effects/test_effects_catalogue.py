@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 
 import casadi as ca
@@ -139,6 +140,16 @@ def test_starts_are_few_and_inside_the_bounds(effect: Effect, extent: Extent) ->
     for name, (lower, upper) in effect.bounds(extent).items():
         parameter = effect.parameter(name)
         assert parameter.lower <= lower < upper <= parameter.upper
+
+
+def test_pushes_start_inside_a_recording_that_does_not_begin_at_zero() -> None:
+    effect = get_effect("external_torque")
+    late = replace(EXTENTS[0], begin=100.0, windows=())
+    low, high = effect.bounds(late)["start"]
+    assert (low, high) == (100.0, 120.0)
+    assert all(low <= start["start"] < high for start in effect.starts(late))
+    # Times before zero are outside of the catalogue's range.
+    assert effect.bounds(replace(late, begin=-5.0))["start"] == (0.0, 15.0)
 
 
 def test_order_starts_prefer_residual_peaks_and_drop_duplicates() -> None:
