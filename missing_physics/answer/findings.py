@@ -104,10 +104,7 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
 
 
 def _chance(data: TorqueData, known: Posterior, term: Term) -> float:
-    """Probability of an effect, including higher rungs of its family and delays reported as this effect."""
-    family = term.effect.family
-    if family:
-        return known.of_family(term.at, family, term.effect.rung)
+    """Probability of an effect, including delays reported as this effect."""
     delays = sum(
         float(weight)
         for fit, weight in zip(known.fits, known.weights)
@@ -118,9 +115,6 @@ def _chance(data: TorqueData, known: Posterior, term: Term) -> float:
 
 def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
     rivals = _rivals(data, known, fit, term)
-    alternatives = tuple(
-        Alternative(effect, at, p, "it predicts held-out data less well") for (effect, at), p in rivals
-    )
     shown = _shown(data, term)
     parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in shown}
     stated = [_label(key, term.at) for key, p in rivals if p >= RIVAL]
@@ -140,10 +134,14 @@ def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probabili
         probability=probability,
         parameters=parameters,
         ambiguous_with=tuple(dict.fromkeys([*stated, *_simpler(term, parameters)])),
-        alternatives=alternatives,
+        alternatives=_alternatives(rivals),
         validation_improvement=_gain(data, known, fit, term.key),
         note=" ".join(notes),
     )
+
+
+def _alternatives(rivals: Sequence[tuple[tuple[str, str], float]]) -> tuple[Alternative, ...]:
+    return tuple(Alternative(*key, p, "it predicts held-out data less well") for key, p in rivals)
 
 
 def _shown(data: TorqueData, term: Term) -> list[Parameter]:
@@ -234,19 +232,19 @@ def _rivals(data: TorqueData, known: Posterior, fit: Fit, term: Term) -> list[tu
 def _replacements(
     data: TorqueData, known: Posterior, fit: Fit, at: str, has: Callable[[Fit], bool]
 ) -> list[tuple[tuple[str, str], float]]:
-    """Rivals: terms of hypotheses that lack something and replace it.
+    """Rivals: effects of hypotheses that lack something and replace it.
 
     Args:
         data, known, fit: see `answer_of`.
         at: place of what is replaced.
         has: whether a fit contains what is replaced.
     """
-    own = {other.key for other in fit.hypothesis.terms} | set(_delays(data, fit))
+    own = _said(data, fit)
     found: dict[tuple[str, str], float] = {}
     for other, weight in zip(known.fits, known.weights):
         if has(other):
             continue
-        theirs = {one.key for one in other.hypothesis.terms} | set(_delays(data, other))
+        theirs = _said(data, other)
         alone = len(own - theirs) == 1  # nothing else is missing: all additional terms are rivals
         for key in theirs - own:
             if key[0].startswith(UNNAMED):
@@ -254,6 +252,26 @@ def _replacements(
             if alone or key[1].split(".")[0] == at.split(".")[0]:
                 found[key] = found.get(key, 0.0) + float(weight)
     return sorted(((key, p) for key, p in found.items() if p >= RIVAL), key=lambda item: -item[1])
+
+
+def _said(data: TorqueData, fit: Fit) -> set[tuple[str, str]]:
+    """Everything that a fit says is missing: terms, delays, and friction and offsets that the file lacks.
+
+    Not those that belong to a force without a name.
+    """
+    terms = fit.hypothesis.terms
+    unnamed = {f"{term.at}.{name}" for term in terms if term.effect.is_unknown for name in term.effect.along}
+    added = {(EFFECTS[k][0], j) for j, k in _added(data, fit) if f"{j}.{k}" not in unnamed}
+    return {term.key for term in terms} | set(_delays(data, fit)) | added
+
+
+def _added(data: TorqueData, fit: Fit) -> Iterator[tuple[str, str]]:
+    """Joints and kinds of friction and offsets that a fit estimates and the robot file lacks."""
+    for joint in data.joints:
+        for kind in EFFECTS:
+            name = f"{joint}.{kind}"
+            if _is_free(fit, name) and data.file_values[fit.layout.names.index(name)] == 0.0:
+                yield joint, kind
 
 
 def _delays(data: TorqueData, fit: Fit) -> Iterator[tuple[str, str]]:
@@ -289,25 +307,31 @@ def _axes(data: TorqueData) -> tuple[Drive | Joint, ...]:
 
 def _of_parameters(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Finding]:
     """Findings of friction and offsets that are zero in the robot file."""
-    for joint in data.joints:
-        for kind, (effect, parameter, sign) in EFFECTS.items():
-            name = f"{joint}.{kind}"
-            if not _is_free(fit, name) or data.file_values[fit.layout.names.index(name)] != 0.0:
-                continue
-            probability = known.freed(name)
-            if kind == "coulomb":  # a friction law contains it
-                probability = max(probability, known.either(name, joint, get_effect(effect).family))
-            if probability <= STATED:
-                continue
-            p = get_effect(effect).parameter(parameter)
-            value, half = sign * fit.parameter(name), QUANTILE * fit.deviation(name)
-            if abs(value) < half or not _is_significant(data, fit, name):  # it may as well be absent
-                continue
-            interval = max(value - half, p.lower), value + half
-            estimate = Estimate(value, interval, _unit(data, joint, p.unit))
-            same = tuple(_same_while_sliding(fit, joint, effect, value))
-            note = " ".join(_replacing(data, fit, effect, joint))
-            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=same, note=note)
+    for joint, kind in _added(data, fit):
+        effect, parameter, sign = EFFECTS[kind]
+        name = f"{joint}.{kind}"
+        probability = known.freed(name)
+        rivals = _replacements(data, known, fit, joint, partial(_is_free, name=name))
+        if probability <= STATED and (probability < RIVAL or not rivals):
+            continue
+        p = get_effect(effect).parameter(parameter)
+        value, half = sign * fit.parameter(name), QUANTILE * fit.deviation(name)
+        if abs(value) < half or not _is_significant(data, fit, name):  # it may as well be absent
+            continue
+        interval = max(value - half, p.lower), value + half
+        estimate = Estimate(value, interval, _unit(data, joint, p.unit))
+        same = [_label(key, joint) for key, _ in rivals] + list(
+            _same_while_sliding(fit, joint, effect, value)
+        )
+        yield Finding(
+            effect,
+            joint,
+            probability,
+            {parameter: estimate},
+            ambiguous_with=tuple(dict.fromkeys(same)),
+            alternatives=_alternatives(rivals),
+            note=" ".join(_replacing(data, fit, effect, joint)),
+        )
 
 
 def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iterator[str]:

@@ -9,7 +9,7 @@ hypothesis takes from the robot file has a prior around the file's value.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,29 @@ BEYOND = 0.01
 
 
 @dataclass(frozen=True)
+class Precision:
+    """What rows tell about the parameters of a term, relative to what is known of them in advance.
+
+    Attributes:
+        matrix: information of independent rows, other parameters estimated too, in units of the inverse
+            square of the prior's width, shape (P, P).
+        joints: fraction of it from each joint, shape (n,).
+    """
+
+    matrix: Array
+    joints: Array
+
+    def price(self, shares: Array) -> float:
+        """Loss of log evidence by the volume of the prior that the rows exclude [nats].
+
+        Args:
+            shares: ratio of independent to all rows at each joint, shape (n,).
+        """
+        known = float(self.joints @ shares) * self.matrix
+        return 0.5 * float(np.linalg.slogdet(np.eye(len(known)) + known)[1])
+
+
+@dataclass(frozen=True)
 class Fit:
     """A fitted hypothesis.
 
@@ -66,7 +89,8 @@ class Fit:
         cut: number of rows of each block and joint in which a term saturates the torque, shape (B, n).
         about: standard model parameters at which the rows were linearised in the fit, shape (X,).
         impossible: terms with physically impossible parameters, with the reason.
-        once: terms with parameters that a single fold determines, such as those of every event.
+        once: of terms with parameters that a single fold determines, such as every event, how precisely the
+            rows determine these.
         partial: whether non-linear parameters of some terms were held fixed in the fit.
     """
 
@@ -80,7 +104,7 @@ class Fit:
     cut: Array
     about: Array
     impossible: Mapping[tuple[str, str], str]
-    once: frozenset[tuple[str, str]] = frozenset()
+    once: Mapping[tuple[str, str], Precision] = field(default_factory=dict)
     partial: bool = False
 
     def parameter(self, name: str) -> float:
@@ -212,9 +236,9 @@ def _outside(terms: Sequence[Term], change: Array) -> tuple[Mask, Array]:
 def _cross_validated(problem: Problem, hypothesis: Hypothesis, x: Array, width: float, at_end: Mask) -> Fit:
     """A fit with the cross-validated errors of all blocks.
 
-    The fit without a fold is one Newton step from the fit to all folds. Events keep their parameters, since
-    no other fold determines them; their prior odds account for that. So do effects beyond a position that is
-    seldom reached. Parameters at a bound, `at_end`, stay there.
+    The fit without a fold is one Newton step from the fit to all folds. Parameters of terms that no other
+    fold determines are kept; what they cost is part of the prior odds. Parameters at a bound, `at_end`, stay
+    there.
     """
     data, layout, total = problem.data, problem.layout, problem.total
     sigma = residual_rms(total, x)
@@ -250,23 +274,16 @@ def _cross_validated(problem: Problem, hypothesis: Hypothesis, x: Array, width: 
         cut_rows,
         data.about_numbers,
         dict(_impossible(data, moved.terms, x[: data.start.size], cut_rows)),
-        frozenset(term.key for term, own in zip(hypothesis.terms, _of_each(hypothesis.terms, kept)) if own),
+        _precisions(problem, hessian, weight, np.any(kept, axis=0)),
     )
 
 
 def _kept_by_fold(problem: Problem, weight: Array) -> Mask:
     """Parameters of terms that the fit without a fold keeps, as only that fold determines them, (F, P)."""
-    widths = [len(term.free) for term in problem.terms]
-    event, beyond = (
-        np.repeat([flag(term.effect) for term in problem.terms], widths).astype(bool)
-        for flag in (lambda effect: effect.is_event, lambda effect: effect.is_beyond)
-    )
-    kept = np.tile(event, (len(problem.folds), 1))
-    if beyond.any():
-        first = problem.data.start.size
-        parts = [np.diag(part.weighted(weight)[0])[first:] for part in problem.folds.values()]
-        kept |= of_one_fold(np.array(parts)) & beyond
-    return kept
+    event = [term.effect.is_event for term in problem.terms for _ in term.free]
+    first = problem.data.start.size
+    parts = [np.diag(part.weighted(weight)[0])[first:] for part in problem.folds.values()]
+    return of_one_fold(np.array(parts)) | np.array(event, dtype=bool)
 
 
 def of_one_fold(information: Array) -> Mask:
@@ -278,12 +295,39 @@ def of_one_fold(information: Array) -> Mask:
     return np.asarray(information > ONE_FOLD * np.maximum(information.sum(axis=0), np.finfo(float).tiny))
 
 
-def _of_each(terms: Sequence[Term], kept: Mask) -> Iterator[bool]:
-    """Whether a parameter of each term is kept in some fold."""
-    at = 0
-    for term in terms:
-        yield bool(kept[:, at : at + len(term.free)].any())
-        at += len(term.free)
+def _precisions(
+    problem: Problem, hessian: Array, weight: Array, once: Mask
+) -> dict[tuple[str, str], Precision]:
+    """How precisely the rows determine the parameters of terms that a single fold determines.
+
+    Args:
+        problem: the normal equations.
+        hessian: of the objective by all free parameters.
+        weight: of each joint, shape (n,).
+        once: whether a single fold determines a parameter, shape (P,).
+    """
+    free, first, total = problem.layout.free, problem.data.start.size, problem.total
+    chosen = free & np.concatenate([np.zeros(first, dtype=bool), once])
+    if not chosen.any():
+        return {}
+    size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
+    inverse = np.linalg.pinv(hessian * np.outer(size, size), hermitian=True) * np.outer(size, size)
+    information = np.zeros((weight.size, free.size))  # of each joint on each parameter
+    for k, (own, gram) in enumerate(zip(total.active, total.gram)):
+        information[k, own] = weight[k] * np.diag(gram)
+    found = {}
+    for term in problem.terms:
+        here = np.arange(first, first + len(term.free))
+        first += len(term.free)
+        width = problem.spread(term)[chosen[here]]
+        here = here[chosen[here]]
+        if here.size:
+            places = (np.cumsum(free) - 1)[here]
+            matrix = np.linalg.pinv(inverse[np.ix_(places, places)] / np.outer(width, width), hermitian=True)
+            joints = information[:, here] @ width**2
+            total_of_joints = max(float(joints.sum()), np.finfo(float).tiny)
+            found[term.key] = Precision(np.asarray(matrix), np.asarray(joints / total_of_joints))
+    return found
 
 
 def _impossible(

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import BODIES, TIMING, Hypothesis, Term
-from missing_physics.hypotheses.extents import EDGES
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.score import block_scores
 
-__all__ = ["ODDS", "D", "Search", "Step", "absent", "file_parameters", "prior", "unstated"]
+__all__ = ["ODDS", "D", "Search", "Step", "absent", "file_parameters", "prior", "stated", "unstated"]
 
 Array = NDArray[np.float64]
 D = TypeVar("D", bound=Data)
@@ -27,9 +26,9 @@ D = TypeVar("D", bound=Data)
 #: Log prior odds against one more effect at one place, and against a parameter that differs from the robot
 #: file [nats]: one in fifty, as there are some dozens of each.
 ODDS = 4.0
-#: Additional log odds against an event [nats], which could have happened at any time: the logarithm of the
-#: number of time intervals in which it is searched.
-EVENT = float(np.log(0.5 * EDGES**2))
+#: Log odds against a law of dry friction for every rung that it is above Coulomb's [nats]: in an eighth of its
+#: range it is like the law below it at the speeds that are compared; in the rest the score would show it.
+GENERAL = float(np.log(8.0))
 #: Parameters of a joint that a robot file states.
 ROTOR = "reflected_inertia"
 OF_JOINTS = ("viscous", "coulomb", "offset", ROTOR, TIMING)
@@ -126,13 +125,27 @@ class Search(Generic[D]):
         """`score` regardless of whether the fit is physically possible."""
         known = self._scores.get(id(fit))
         if known is None or known[0] is not fit or known[1] is not self.shares:
-            total = float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit)
+            total = float(block_scores(self.data, fit, self.shares).sum())
+            total += prior(self.data, fit, self.shares)
             self._scores[id(fit)] = known = fit, self.shares, total
         return known[2]
 
-    def known(self, hypothesis: Hypothesis, make: Callable[[], Fit]) -> Fit:
-        """The stored fit of a hypothesis; made and stored if there is none yet."""
-        return self.made[hypothesis.key] if hypothesis.key in self.made else self.keep(make())
+    def known(self, hypothesis: Hypothesis, start: Fit, make: Callable[[], Fit]) -> Fit:
+        """The stored fit of a hypothesis; made anew if there is none with rows linearised near the start.
+
+        Args:
+            hypothesis: what is fitted.
+            start: a fit of a similar hypothesis, from which `make` would start.
+            make: the fit.
+        """
+        stored = self.made.get(hypothesis.key)
+        if stored is not None:
+            terms = start.hypothesis.terms
+            parameters = self.data.with_bodies(start.parameters, terms)
+            if self.data.is_near(parameters, stored.about, terms):
+                return stored
+        made = make()
+        return made if stored is None or self.gain(made) > self.gain(stored) else self.keep(stored)
 
     def keep(self, fit: Fit) -> Fit:
         """Store a fit."""
@@ -165,12 +178,31 @@ def unstated(data: Data) -> set[str]:
     return {name for name, value in parameters if name.endswith(ROTOR) and value == 0.0}
 
 
-def prior(data: Data, fit: Fit) -> float:
+def stated(data: Data, hypothesis: Hypothesis) -> frozenset[str]:
+    """Parameters of the standard model that a hypothesis estimates although the robot file states them.
+
+    A law of dry friction holds the kinetic friction that it contains, so it counts as one effect.
+    """
+    given = hypothesis.from_file | {name for name, _ in hypothesis.held} | unstated(data)
+    for term in hypothesis.terms:
+        if term.effect.is_unknown and not term.is_given:  # spans the same functions as parameters of the file
+            same = {f"{term.at}.{name}" for name in term.effect.along}
+            given |= {name for name in same if data.file_values[data.layout.names.index(name)] != 0.0}
+    return frozenset(name for name in file_parameters(data) if name not in given)
+
+
+def prior(data: Data, fit: Fit, shares: Array) -> float:
     """Log prior odds of a fit against the robot file without delays [nats].
 
     Each effect costs `ODDS`, as does the absence of a friction law of the file, and each of its parameters
-    that is estimated. A wave over position could have any order that the recordings distinguish. An event,
-    or a position that is seldom reached, could lie at any time. An unnamed force costs `ODDS` once more.
+    that is estimated. A wave over position could have any order that the recordings distinguish. Parameters
+    that a single fold determines are fitted to the rows by which they are judged, so they cost what they
+    gain in precision (Laplace's approximation). An unnamed force costs `ODDS` once more.
+
+    Args:
+        data: the rows.
+        fit: the fit.
+        shares: ratio of independent samples to samples at each joint, shape (n,).
     """
     hypothesis = fit.hypothesis
     added = [term for term in hypothesis.terms if not term.is_given]
@@ -178,16 +210,13 @@ def prior(data: Data, fit: Fit) -> float:
     waves = sum(float(np.log(orders.get(term.joint, 1.0))) for term in added if term.effect.is_wave)
     effects = 0.0
     for term in added:
-        effects += ODDS * (1 + len(term.added)) + term.further
-        effects += EVENT * (term.key in fit.once) + ODDS * term.effect.is_unknown
+        effects += ODDS * (1 + len(term.added) + term.effect.is_unknown)
+        if term.key not in fit.once:  # else part of the loss of evidence below
+            effects += term.further + GENERAL * max(term.effect.rung - 1, 0)
     effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
-    given = hypothesis.from_file | {name for name, _ in hypothesis.held} | unstated(data)
-    for term in added:
-        if term.effect.is_unknown:  # spans the same functions as parameters of the file
-            same = {f"{term.at}.{name}" for name in term.effect.along}
-            given |= {name for name in same if data.file_values[data.layout.names.index(name)] != 0.0}
-        if term.effect.family:  # a friction law contains its own kinetic friction
-            given -= {f"{term.at}.coulomb"}
+    effects += ODDS * len(stated(data, hypothesis))
+    whole = shares * fit.sigma**2 / np.maximum(fit.sigma**2 + data.error**2, 1e-300)
+    effects += sum(gained.price(whole) for gained in fit.once.values())
     delays = [i for i, name in enumerate(data.layout.names) if name.endswith(TIMING)]
     late = float(np.sum((fit.parameters[delays] / data.layout.width[delays]) ** 2))
-    return -effects - waves - ODDS * sum(name not in given for name in file_parameters(data)) - 0.5 * late
+    return -effects - waves - 0.5 * late

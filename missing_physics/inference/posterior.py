@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.inference.fit import Fit
-from missing_physics.inference.ledger import Search, prior
+from missing_physics.inference.ledger import Search, prior, stated
 from missing_physics.inference.score import block_scores
 
 __all__ = ["Posterior", "weighed"]
@@ -48,15 +48,6 @@ class Posterior:
         free = [_frees(fit, name) for fit in self.fits]
         return float(self.weights[free].sum())
 
-    def of_family(self, at: str, family: str, rung: int) -> float:
-        """Probability of an effect of a family, of at least this rung and not in the file, at a place."""
-        return float(self.weights[[_holds(fit, at, family, rung) for fit in self.fits]].sum())
-
-    def either(self, name: str, at: str, family: str | None) -> float:
-        """Probability that a parameter differs from the robot file, or that its effect family is present."""
-        held = [_frees(fit, name) or _holds(fit, at, family or "", 0) for fit in self.fits]
-        return float(self.weights[held].sum())
-
     @property
     def answer(self) -> Fit:
         """The most probable fit of the most probable set of effects.
@@ -73,16 +64,24 @@ def _frees(fit: Fit, name: str) -> bool:
     return name not in fit.hypothesis.from_file and bool(fit.layout.free[fit.layout.names.index(name)])
 
 
-def _holds(fit: Fit, at: str, family: str, rung: int) -> bool:
-    added = [t for t in fit.hypothesis.terms if not t.is_given]
-    return any(t.at == at and t.effect.family == family and t.effect.rung >= rung for t in added)
+def _of_each_statement(found: Search[Any]) -> tuple[Fit, ...]:
+    """The best fit of all that state the same effects and the same deviations from the file, best first."""
+    best: dict[tuple[object, ...], Fit] = {}
+    for fit in found.fits:
+        terms, _, _, accuracy = fit.hypothesis.key
+        best.setdefault((terms, stated(found.data, fit.hypothesis), accuracy), fit)
+    return tuple(best.values())
 
 
 def weighed(found: Search[Any]) -> Posterior:
-    """Posterior over all fits of a search."""
-    fits = found.fits
+    """Posterior over all hypotheses of a search.
+
+    Hypotheses that state the same are one hypothesis: they differ in nuisance parameters without a price,
+    such as delays and rotors that no file states, and the best fit of each counts.
+    """
+    fits = _of_each_statement(found)
     scores = np.array([block_scores(found.data, fit, found.shares) for fit in fits])
-    priors = np.array([prior(found.data, fit) for fit in fits])
+    priors = np.array([prior(found.data, fit, found.shares) for fit in fits])
     blocks = scores.shape[1]
     resampled = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
     total = resampled @ (scores - scores[0]).T + priors

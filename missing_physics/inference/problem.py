@@ -97,6 +97,22 @@ class Problem:
                 found[i] = self.layout.width[i] ** -2.0 - max(high - low, np.finfo(float).tiny) ** -2.0
         return np.maximum(found, 0.0)
 
+    def spread(self, term: Term) -> Array:
+        """Width of what is known in advance of a term's parameters, shape (P,).
+
+        It is that of the prior; else of the room that the recordings leave; else the typical value, or the
+        estimate if that is larger.
+        """
+        first = self.data.start.size + sum(len(t.free) for t in self.terms[: self.terms.index(term)])
+        found = self.layout.width[first : first + len(term.free)].copy()
+        narrowed = {name for name, _, _ in term.limits}
+        for i, p in enumerate(term.free):
+            if not p.linear and not term.is_given and prior_of(term, p) is None:
+                low, high = term.range_of(p)
+                usual = max(abs(term.parameters[p.name]), p.typical)
+                found[i] = high - low if p.name in narrowed else usual
+        return np.maximum(found, np.finfo(float).tiny)
+
     def energy_at(self, parameters: Array) -> Array:
         """Squared residual of each joint with these standard model parameters and the present terms."""
         found = np.zeros_like(self.begin)

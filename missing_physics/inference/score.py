@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, residuals
 
-__all__ = ["block_scores", "independent_shares"]
+__all__ = ["block_scores", "independent_shares", "unpredicted"]
 
 Array = NDArray[np.float64]
 
@@ -45,9 +45,19 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
         level = np.maximum((weight * samples * square).sum(axis=0) / total, 1e-300)
     apart = np.log1p(samples * square / (SCATTER * level))
     each = -0.5 * samples * np.log(level) - 0.5 * (SCATTER + samples) * apart
-    wide = np.maximum(data.size**2 / level, 1.0)
-    each -= 0.5 * shares * fit.cut * (np.log(wide) + 1.0)
+    each -= unpredicted(shares * fit.cut, data.size, level)
     return np.asarray(np.where(samples > 0.0, each, 0.0).sum(axis=1))
+
+
+def unpredicted(samples: Array, size: Array, level: Array) -> Array:
+    """Loss of log score by samples of a torque that cannot be predicted [nats].
+
+    Args:
+        samples: number of independent ones at each joint, shape (..., n).
+        size: rms of the torque, shape (n,).
+        level: mean square of the errors of others, shape (n,).
+    """
+    return np.asarray(0.5 * samples * (np.log(np.maximum(size**2 / level, 1.0)) + 1.0))
 
 
 def independent_shares(data: Data, fit: Fit) -> Array:

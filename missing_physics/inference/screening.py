@@ -13,6 +13,7 @@ from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.fit import RIDGE, Fit, of_one_fold, residuals
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.problem import rows_of
+from missing_physics.inference.score import unpredicted
 
 __all__ = ["Screen", "ScreenedCandidate"]
 
@@ -100,7 +101,12 @@ class Screen:
         good = self.count > 0.0
         before = (self.square + model_error)[good]
         after = np.maximum(before + change[good], 1e-9 * before)
-        return float(np.sum(-0.5 * (self.shares * self.count)[good] * np.log(after / before)))
+        gained = -0.5 * (self.shares * self.count)[good] * np.log(after / before)
+        if option.term.effect.cuts_torque:  # it predicts nothing of what it cuts off
+            cut = self.data.cut((option.term,))[self.data.fitted_blocks].sum(axis=0)[good]
+            level = after / self.count[good] / self.weight[good] ** 2
+            gained -= unpredicted(self.shares[good] * cut, self.data.size[good], level)
+        return float(gained.sum())
 
     def _own(self, option: Candidate) -> list[Array]:
         """Weighted columns of a candidate in the fitted rows of each recording, shape (n, K, C)."""

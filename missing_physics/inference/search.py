@@ -23,7 +23,7 @@ from missing_physics.hypotheses import (
 )
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted, residuals, with_other_file_parameters
-from missing_physics.inference.ledger import ODDS, D, Search, Step, file_parameters
+from missing_physics.inference.ledger import ODDS, D, Search, Step, absent, file_parameters, stated
 from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Screen, ScreenedCandidate
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
@@ -61,7 +61,7 @@ def search(data: D, progress: Progress | None = None) -> Search[D]:
     best = _compared_with_rivals(state, best, progress)
     best = _with_unnamed_forces(state, _with_freed_parameters(state, best), progress)
     if data.laws:  # effects may have compensated for a fixed law before the unnamed force was added
-        best = _pruned(state, best)
+        best = _pruned(state, _with_file_laws(state, best))
     _with_freed_parameters(state, best)
     best = _all_complete(state)
     data = state.about(best)
@@ -329,7 +329,7 @@ def _pruned(state: Search[Any], best: Fit) -> Fit:
 def _without(state: Search[Any], best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
     return state.known(
-        hypothesis, lambda: state.settled(_fitted(state, hypothesis, best, term.joint), whole=False)
+        hypothesis, best, lambda: state.settled(_fitted(state, hypothesis, best, term.joint), whole=False)
     )
 
 
@@ -337,7 +337,17 @@ def _without_optional(state: Search[Any], best: Fit, term: Term, name: str) -> F
     """The fit without an optional parameter of a term."""
     terms = tuple(one.lacking(name) if one is term else one for one in best.hypothesis.terms)
     hypothesis = replace(best.hypothesis, terms=terms)
-    return state.known(hypothesis, lambda: _fitted(state, hypothesis, best))
+    return state.known(hypothesis, best, lambda: state.keep(_fitted(state, hypothesis, best)))
+
+
+def _with_file_laws(state: Search[Any], best: Fit) -> Fit:
+    """The best fit after trying each friction law of the robot file that a fit lacks."""
+    lacking = absent(state.data, best.hypothesis)
+    for option in _screened(state, best):
+        hypothesis = option.candidate.added_to(best.hypothesis)
+        if option.candidate.term in lacking and hypothesis.key not in state.made:
+            _try_candidate(state, option.candidate, hypothesis, best)
+    return state.best
 
 
 def _changed_terms(fit: Fit) -> tuple[Term, ...]:
@@ -361,6 +371,7 @@ def _compared_with_rivals(state: Search[Any], best: Fit, progress: Progress | No
                 hypothesis = option.candidate.added_to(less.hypothesis)
                 if option.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                     _try_candidate(state, option.candidate, hypothesis, less)
+        _exchange_parameters(state, best)
         if progress:
             progress("comparing effects with their rivals")
         top = state.settled(state.best)
@@ -368,6 +379,20 @@ def _compared_with_rivals(state: Search[Any], best: Fit, progress: Progress | No
             break
         best = top
     return best
+
+
+def _exchange_parameters(state: Search[Any], best: Fit) -> None:
+    """Fit effects that replace a parameter that the robot file lacks, such as laws of dry friction.
+
+    They cost no more than what they replace, so even those that predict as well are rivals. A delay is itself
+    reported as one of the effects that replace it.
+    """
+    differing = {name for name in stated(state.data, best.hypothesis) if not name.endswith(TIMING)}
+    for option in _leading(_screened(state, best)):
+        hypothesis = option.candidate.added_to(best.hypothesis)
+        replaces = differing.intersection(name for name, _ in option.candidate.held)
+        if replaces and option.gain > -CLOSE and hypothesis.key not in state.made:
+            _try_candidate(state, option.candidate, hypothesis, best)
 
 
 def _has_other_signal(term: Term, than: Term) -> bool:
@@ -394,7 +419,7 @@ def _simplified(state: Search[Any], best: Fit) -> Fit:
     def with_file_value(of: Fit, name: ParameterName) -> Fit:
         if isinstance(name, tuple):  # a law's parameter, in which torques are not linear
             hypothesis = of.hypothesis.restoring(*name)
-            return state.known(hypothesis, lambda: state.settled(_fitted(state, hypothesis, of)))
+            return state.known(hypothesis, of, lambda: state.settled(_fitted(state, hypothesis, of)))
         return _with_parameter_source(state, of.hypothesis.taking_from_file(name), of, name)
 
     while True:
@@ -433,6 +458,6 @@ def _with_parameter_source(state: Search[Any], hypothesis: Hypothesis, start: Fi
 
     def make() -> Fit:
         made = with_other_file_parameters(state.about(start), hypothesis, start)
-        return state.settled(made) if name.endswith(TIMING) else made
+        return state.settled(made) if name.endswith(TIMING) else state.keep(made)
 
-    return state.known(hypothesis, make)
+    return state.known(hypothesis, start, make)

@@ -42,6 +42,10 @@ class EndStop(JointEffect):
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         return -p["side"] * p["stiffness"] * ca.fmax(p["side"] * (s.position - p["position"]), 0)
 
+    def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
+        low, high = extent.position  # beyond the travel it does not act
+        return {"position": (low, high)}
+
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         low, high = extent.position
         depths = [depth * (high - low) for depth in DEPTHS]

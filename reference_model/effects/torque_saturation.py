@@ -17,6 +17,8 @@ ROUNDING = 0.005
 RMS_MULTIPLES = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 #: A limit below this fraction of the rms torque would cut off nearly all torque.
 LOWEST_PART = 0.1
+#: A limit above this multiple of the largest torque shows in no other recording of the same robot either.
+HIGHEST_PART = 2.0
 
 
 def _excess(value: ca.SX, width: ca.SX | float) -> ca.SX:
@@ -53,7 +55,8 @@ class TorqueSaturation(JointEffect):
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         limit = self.parameter("limit")
-        return {"limit": (min(max(LOWEST_PART * extent.torque, limit.lower), limit.upper), limit.upper)}
+        low = min(max(LOWEST_PART * extent.torque, limit.lower), limit.upper)
+        return {"limit": (low, min(max(HIGHEST_PART * extent.peak_torque, low), limit.upper))}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         limit = self.parameter("limit")

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from recorded_arm import (
     COULOMB,
     Hidden,
@@ -18,18 +19,21 @@ from recorded_arm import (
     wave,
     weak_spring,
 )
+from scipy.stats import multivariate_normal
 
 from missing_physics.answer.guard import guarded
 from missing_physics.hypotheses import TIMING, Candidate, Hypothesis, Term
 from missing_physics.inference import fitted, search, weighed
-from missing_physics.inference.fit import residuals
-from missing_physics.inference.ledger import prior
+from missing_physics.inference.fit import Precision, residuals
+from missing_physics.inference.ledger import prior, stated
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Screen
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.standard import fit_standard
 from reference_model.effects.catalogue import get_effect
 from robot_model import Recording, Robot
+
+Array = NDArray[np.float64]
 
 
 def data_of(arm: Robot, hidden: Hidden, *, late: float = 0.0, unseen: Hidden | None = None) -> TorqueData:
@@ -161,7 +165,7 @@ def test_ripple_is_penalised_for_the_number_of_possible_orders(arm: Robot) -> No
     )
     motion = data.runs[0].motion
     cycles = motion.cutoff * np.ptp(motion.position) / np.median(np.abs(motion.velocity))
-    paid = prior(data, with_spring) - prior(data, with_wave)
+    paid = prior(data, with_spring, np.ones(1)) - prior(data, with_wave, np.ones(1))
     assert paid == pytest.approx(np.log(cycles))
 
 
@@ -235,8 +239,51 @@ def test_file_parameters_are_those_of_the_fit_including_the_event(arm: Robot) ->
     assert file.parameter("joint.coulomb") == pytest.approx(COULOMB, abs=0.01)
 
 
+def test_a_stop_reached_once_is_named_and_not_a_push(arm: Robot) -> None:
+    """Both explain it; a push could have begun at any time and lasted any time, a stop has a place only."""
+    highest = float(recorded(nothing, seed=1)["joint.position"].max())
+
+    def stopped(time: Array, position: Array, velocity: Array) -> Array:
+        return 40.0 * np.maximum(position - 0.97 * highest, 0.0)
+
+    known = weighed(search(data_of(arm, stopped, unseen=nothing)))
+    assert known.probability(("end_stop", "joint")) > 0.5
+    assert known.probability(("external_torque", "joint")) < 0.5
+
+
+def test_price_of_a_parameter_is_the_evidence_that_its_prior_loses() -> None:
+    """For one linear parameter with a Gaussian prior the evidence is a Gaussian with a known covariance."""
+    random = np.random.default_rng(3)
+    column, sigma, width, share = random.normal(size=40), 0.7, 2.5, 0.4
+    rows = random.normal(size=40)
+    information = share * column @ column / sigma**2
+    estimate = share * column @ rows / sigma**2 / (information + width**-2)
+    after = share * np.sum((rows - estimate * column) ** 2) / sigma**2 + (estimate / width) ** 2
+    before = share * np.sum(rows**2) / sigma**2
+    precision = Precision(np.array([[column @ column / sigma**2 * width**2]]), np.array([1.0]))
+    gained = 0.5 * (before - after) - precision.price(np.array([share]))
+    noise = sigma**2 / share * np.eye(40)
+    exact = [
+        multivariate_normal(np.zeros(40), noise + spread * np.outer(column, column)).logpdf(rows)
+        for spread in (width**2, 0.0)
+    ]
+    assert gained == pytest.approx(exact[0] - exact[1], abs=1e-9)
+
+
+def test_hypotheses_that_state_the_same_count_once(arm: Robot) -> None:
+    """A rotor that no file states and the delay of all torques may be estimated or not, at no price."""
+    found = search(data_of(arm, spring))
+    known = weighed(found)
+    said = [
+        (frozenset(term.key for term in fit.hypothesis.terms), stated(found.data, fit.hypothesis))
+        for fit in known.fits
+        if all(term.run is None and not term.along for term in fit.hypothesis.terms)
+    ]
+    assert len(set(said)) == len(said) < len(found.fits)
+
+
 def test_rotor_inertia_missing_in_the_file_is_not_penalised(arm: Robot) -> None:
     data = data_of(arm, nothing)
     free = fitted(data, Hypothesis())
     held = fitted(data, Hypothesis().taking_from_file("joint.reflected_inertia"))
-    assert prior(data, free) == pytest.approx(prior(data, held))
+    assert prior(data, free, np.ones(1)) == pytest.approx(prior(data, held, np.ones(1)))

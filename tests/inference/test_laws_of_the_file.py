@@ -199,7 +199,7 @@ def test_friction_laws_of_the_file_are_not_penalised_and_changes_equally(arm: Ro
         0.5 * float((fit.parameter("timing") / data.layout.width[data.layout.names.index("timing")]) ** 2)
         for fit in fits
     ]
-    costs = [-prior(data, fit) - own for fit, own in zip(fits, late)]
+    costs = [-prior(data, fit, np.ones(fit.sigma.size)) - own for fit, own in zip(fits, late)]
     assert costs == pytest.approx([0.0, ODDS, 2.0 * ODDS], abs=1e-9)  # no law, and a free Coulomb friction
 
 

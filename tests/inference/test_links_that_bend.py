@@ -186,4 +186,4 @@ def test_wrong_link_damping_is_named(change: float) -> None:
     estimate = found.findings[0].parameters["damping_ratio"]
     low, high = estimate.ci95
     assert low < change < high
-    assert high - low < 0.2 * abs(change)
+    assert high - low < 0.35 * abs(change)  # the delay of the torque is estimated, too

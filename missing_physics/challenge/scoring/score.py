@@ -23,6 +23,7 @@ from missing_physics.challenge.scoring.information import IDENTIFIABLE, distance
 from missing_physics.challenge.scoring.probability import probability_score
 from missing_physics.challenge.scoring.result import NO_ANSWER, CaseScore, Finding, ModelScore
 from missing_physics.challenge.torques.along import ArmAlong
+from missing_physics.results.result import at_place
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
@@ -159,7 +160,8 @@ def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
         if truth is not None and name in truth.parameters and None not in (low, high):
             covered[name] = bool(low <= truth.parameters[name] <= high)
     right = truth is not None or label in _springs(design) or corrects_file(design, given, item)
-    return Finding(label, probability, right, (label, *item["ambiguous_with"]), covered)
+    rivals = (at_place(rival, item["location"]) for rival in item["ambiguous_with"])
+    return Finding(label, probability, right, (label, *rivals), covered)
 
 
 def stated_and_true(

@@ -21,6 +21,7 @@ from rich.text import Text
 
 from missing_physics.reporting.terminal.console import PlainConsole, styled
 from missing_physics.reporting.terminal.tables import number_table
+from missing_physics.results.result import at_place
 from missing_physics.wording.numbers import interval_text
 from robot_model import EffectUse, replacing_set, require_folder, write_atomically
 
@@ -167,13 +168,17 @@ def _ranked(truth: EffectUse, findings: Sequence[Mapping[str, Any]]) -> _Answer:
         findings,
         key=lambda f: (
             f"{f['effect']}@{f['location']}" != label,
-            label not in f.get("ambiguous_with", ()),
+            label not in _rivals(f),
             f["effect"] != truth.effect,
             f["location"] != truth.at,
         ),
     )
     nothing: dict[str, Any] = {"effect": "", "location": "", "parameters": {}}
     return _Answer(order[0] if order else nothing, order[1:])
+
+
+def _rivals(finding: Mapping[str, Any]) -> set[str]:
+    return {at_place(rival, finding["location"]) for rival in finding.get("ambiguous_with", ())}
 
 
 def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: PlainConsole) -> None:
@@ -188,7 +193,7 @@ def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: Pla
     console.print("\nThe truth, and what was found", style="bold")
     console.print(styled("hidden: ", (f"{truth.effect} at {truth.at}", "bold")))
     console.print(Text("found:  ").append_text(_named(answer.best, truth)))
-    if f"{truth.effect}@{truth.at}" in answer.best.get("ambiguous_with", ()):
+    if f"{truth.effect}@{truth.at}" in _rivals(answer.best):
         console.print("        and the truth is among those that these data cannot distinguish")
     same = answer.best["effect"] == truth.effect
     rows: list[tuple[str | Text, ...]] = []

@@ -65,8 +65,8 @@ def decided(
     if not (findings or search.renumbered) or search.worse:
         return "unexplained"
     complete = _at_noise(errors) or (_little_remains(errors) and not unnamed)
-    if any(finding.ambiguous_with for finding in findings):
-        return "ambiguous" if complete or search.explained >= LARGER_PART else "unexplained"
+    if complete and any(finding.ambiguous_with for finding in findings):
+        return "ambiguous"
     if complete and not search.mixed:
         return "explained"
     return "partly_explained" if _beats_standard(errors, search.explained) else "unexplained"

@@ -47,13 +47,23 @@ def at_links(
         for link in robot.links:
             if (effect.id, link.name) in present or not _is_moved(robot, link):
                 continue
-            for share, start in effect.starts_along(_sight(robot, link, runs, residual, sigma)):
-                found.append((share, _term(effect, link, start)))
+            sight = _sight(robot, link, runs, residual, sigma)
+            for share, start in effect.starts_along(sight):
+                found.append((share, _term(effect, link, start, _room(sight))))
     best = sorted(found, key=lambda one: -one[0])[:STARTS]
     return [Candidate(term) for _, term in best]
 
 
-def _term(effect: ForceEffect, link: Link, start: Mapping[str, float]) -> Term:
+def _room(sight: BodySight) -> dict[str, tuple[float, float]]:
+    """Bounds of a point on the link and of a plane that it may touch."""
+    size = float(np.linalg.norm(sight.points, axis=1).max())
+    reach = float(np.linalg.norm(sight.position, axis=1).max()) + size
+    return {**dict.fromkeys("xyz", (-size, size)), "offset": (-reach, reach)}
+
+
+def _term(
+    effect: ForceEffect, link: Link, start: Mapping[str, float], room: Mapping[str, tuple[float, float]]
+) -> Term:
     """The effect with all parameters that locate it estimated, except the longest component of a normal.
 
     Each of these parameters could have many values, and costs the prior odds of another effect.
@@ -62,8 +72,9 @@ def _term(effect: ForceEffect, link: Link, start: Mapping[str, float]) -> Term:
     longest = max((name for name in effect.located if name.startswith(NORMAL)), key=lambda n: abs(start[n]))
     held = {longest: (start[longest], start[longest])}
     odds = ODDS * (len(effect.located) - len(held))
-    located = frozenset(effect.located)
-    return Term.of(effect, link.name, {**begin, **start}, limits=held, further=odds, located=located)
+    inside = {p.name: room[p.name] for p in effect.parameters if p.name in room}
+    located, limits = frozenset(effect.located), {**inside, **held}
+    return Term.of(effect, link.name, {**begin, **start}, limits=limits, further=odds, located=located)
 
 
 def _is_moved(robot: Robot, link: Link) -> bool:
