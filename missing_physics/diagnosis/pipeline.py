@@ -12,14 +12,14 @@ from threadpoolctl import threadpool_limits
 from missing_physics.answer import answered
 from missing_physics.checks.stamps import on_even_clock
 from missing_physics.checks.transmissions import on_both_sides
+from missing_physics.coverage import Coverage, Prepared, coverage, prepared, require_same_torques
+from missing_physics.coverage.contradictions import require_no_contradiction
+from missing_physics.coverage.no_data import without_data
 from missing_physics.diagnosis.base.file import with_base, without_base_effects
 from missing_physics.diagnosis.base.information import of_bodies
 from missing_physics.diagnosis.base.stage import diagnose_base
 from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
-from missing_physics.diagnosis.coverage import Coverage, Prepared, coverage, prepared, require_same_torques
-from missing_physics.diagnosis.coverage.contradictions import require_no_contradiction
-from missing_physics.diagnosis.coverage.no_data import without_data
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.diagnosis.gear_file.effects import compliant_joints
 from missing_physics.diagnosis.gear_file.merge import with_transmission

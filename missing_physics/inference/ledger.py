@@ -26,7 +26,7 @@ D = TypeVar("D", bound=Data)
 #: Log prior odds against one more effect at one place, and against a parameter that differs from the robot
 #: file [nats]: one in fifty, as there are some dozens of each.
 ODDS = 4.0
-#: Log odds against a law of dry friction for every rung that it is above Coulomb's [nats]: in an eighth of its
+#: Log odds against a law of dry friction for every rung above Coulomb's [nats]: in an eighth of its
 #: range it is like the law below it at the speeds that are compared; in the rest the score would show it.
 GENERAL = float(np.log(8.0))
 #: Parameters of a joint that a robot file states.

@@ -37,7 +37,6 @@ __all__ = [
     "Timing",
     "Unnamed",
     "Verdict",
-    "at_place",
     "in_words",
     "narrowed",
 ]
@@ -117,11 +116,6 @@ class Finding:
     alternatives: tuple[Alternative, ...] = ()
     validation_improvement: float = 0.0
     note: str = ""
-
-
-def at_place(rival: str, location: str) -> str:
-    """`EFFECT@PLACE` of an entry of `Finding.ambiguous_with`, which omits the finding's own location."""
-    return rival if "@" in rival else f"{rival}@{location}"
 
 
 @dataclass(frozen=True)

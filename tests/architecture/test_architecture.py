@@ -77,7 +77,21 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.evaluation",
         "missing_physics.standard",
     ),
+    # Which joints a diagnosis can judge; shared by the commands.
+    "missing_physics.coverage": (
+        "missing_physics.motion",
+        "missing_physics.answer",
+        "missing_physics.hypotheses",
+        "missing_physics.inference",
+        "missing_physics.results",
+        "robot_model",
+        "missing_physics.recordings",
+        "missing_physics.checks",
+        "missing_physics.standard",
+        "missing_physics.evaluation",
+    ),
     "missing_physics.diagnosis": (
+        "missing_physics.coverage",
         "missing_physics.motion",
         "missing_physics.answer",
         "missing_physics.hypotheses",
@@ -146,7 +160,6 @@ KNOWS: dict[str, tuple[str, ...]] = {
 #: Packages of the diagnosis, from recorded data upwards: each may import those before it.
 DIAGNOSIS = (
     "known",
-    "coverage",
     "comparison",
     "further",
     "ripple",

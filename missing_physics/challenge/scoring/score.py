@@ -23,7 +23,6 @@ from missing_physics.challenge.scoring.information import IDENTIFIABLE, distance
 from missing_physics.challenge.scoring.probability import probability_score
 from missing_physics.challenge.scoring.result import NO_ANSWER, CaseScore, Finding, ModelScore
 from missing_physics.challenge.torques.along import ArmAlong
-from missing_physics.results.result import at_place
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
@@ -160,7 +159,7 @@ def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
         if truth is not None and name in truth.parameters and None not in (low, high):
             covered[name] = bool(low <= truth.parameters[name] <= high)
     right = truth is not None or label in _springs(design) or corrects_file(design, given, item)
-    rivals = (at_place(rival, item["location"]) for rival in item["ambiguous_with"])
+    rivals = (r if "@" in r else f"{r}@{item['location']}" for r in item["ambiguous_with"])
     return Finding(label, probability, right, (label, *rivals), covered)
 
 

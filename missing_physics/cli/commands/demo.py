@@ -21,7 +21,6 @@ from rich.text import Text
 
 from missing_physics.reporting.terminal.console import PlainConsole, styled
 from missing_physics.reporting.terminal.tables import number_table
-from missing_physics.results.result import at_place
 from missing_physics.wording.numbers import interval_text
 from robot_model import EffectUse, replacing_set, require_folder, write_atomically
 
@@ -178,7 +177,7 @@ def _ranked(truth: EffectUse, findings: Sequence[Mapping[str, Any]]) -> _Answer:
 
 
 def _rivals(finding: Mapping[str, Any]) -> set[str]:
-    return {at_place(rival, finding["location"]) for rival in finding.get("ambiguous_with", ())}
+    return {r if "@" in r else f"{r}@{finding['location']}" for r in finding.get("ambiguous_with", ())}
 
 
 def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: PlainConsole) -> None:

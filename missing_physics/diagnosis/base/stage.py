@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.answer.answer import dismissed, rung
 from missing_physics.checks.gyros import gyro_channels
+from missing_physics.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.base.candidates import on_board
 from missing_physics.diagnosis.base.data import BaseData
 from missing_physics.diagnosis.base.findings import (
@@ -19,7 +20,6 @@ from missing_physics.diagnosis.base.findings import (
     stated_terms,
 )
 from missing_physics.diagnosis.base.rates import Rates
-from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.further.errors import beyond_noise
 from missing_physics.diagnosis.further.findings import Reading, findings_of
 from missing_physics.diagnosis.further.merge import Further

@@ -89,7 +89,11 @@ def _filters(every: Sequence[Fast], high: float) -> tuple[Whitening | None, ...]
     for k in range(len(every[0].compared)):
         seen = [one for one in every if one.known[:, k].any()]
         series, rates = [one.residual[:, k] for one in seen], [one.motion.rate for one in seen]
-        found.append(Whitening.of(series, rates, low=every[0].slow, high=high) if seen else None)
+        white = Whitening.of(series, rates, low=every[0].slow, high=high) if seen else None
+        if white is not None:
+            columns = [one.inertial[:, k] * one.motion.shares[:, k] for one in seen]
+            white = white.sharing(columns, [one.recorded[:, k] for one in seen], rates)
+        found.append(white)
     return tuple(found)
 
 

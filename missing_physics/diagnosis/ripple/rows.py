@@ -63,9 +63,13 @@ class Rows:
     @cached_property
     def design(self) -> Array:
         """Derivatives by a relative error of the inertia at each joint, shape (K, n, n)."""
-        count = len(self.filters)
-        rows = self.reduced(self.own.inertial[:, :, None], np.arange(count))
-        return np.asarray(rows * np.eye(count))
+        motion, count = self.own.motion, len(self.filters)
+        found = np.zeros((len(motion.time[self.kept]), count, count))
+        for k, white in enumerate(self.filters):
+            if white is not None:
+                column = self.own.inertial[:, k] * motion.shares[:, k]
+                found[:, k, k] = white.of_column(column, motion.rate)[self.kept] * self.mask[:, k]
+        return found
 
     def reduced(self, values: Array, places: Places) -> Array:
         """Torques at some joints, (N, a, C), filtered, in the rows, zero where nothing is compared."""

@@ -108,6 +108,13 @@ class Fast:
         """Part of the predicted torque that accelerates the bodies, shape (N, n)."""
         return np.asarray(np.einsum("nij,nj->ni", self._inertia, self.motion.acceleration))
 
+    @property
+    def recorded(self) -> Array:
+        """Recorded torque where a joint slides, else zero, shape (N, n) [N m or N]."""
+        return np.where(
+            np.isfinite(self.motion.torque), self.residual + self.torque * self.motion.shares, 0.0
+        )
+
     @cached_property
     def in_band(self) -> tuple[Array, Array]:
         """Energies of `inertial` and residual in the motion's band [N^2 m^2 s or N^2 s], shape (n,) each."""

@@ -18,6 +18,7 @@ from missing_physics.inference import Fit, Posterior, Search, search, weighed
 from missing_physics.inference.fit import residuals
 from missing_physics.inference.ledger import ODDS
 from missing_physics.inference.score import block_scores
+from missing_physics.recordings.channels.estimates import resolution_of
 from missing_physics.results.result import ChannelSeries, Finding, Result
 from missing_physics.standard.model import use_of
 from reference_model.effects.base import Parameter
@@ -64,7 +65,7 @@ def with_ripple(
     findings = tuple(
         replace(one, note=_words(one, slow))
         for one in findings_of(found, posterior, _reading(data))
-        if _is_proven(found, posterior, one)
+        if _is_proven(found, posterior, one) and _exceeds_steps(one, recordings[:fitted])
     )
     more = Further(
         findings=findings,
@@ -120,6 +121,13 @@ def _is_proven(found: Search[RippleData], known: Posterior, finding: Finding) ->
         for fit in (max(less, key=found.score), known.answer)
     )
     return after - before > ODDS
+
+
+def _exceeds_steps(finding: Finding, recordings: Sequence[Recording]) -> bool:
+    """Whether an encoder's wave is larger than its steps, which repeat with the position, too."""
+    sizes = [finding.parameters[name].value for name in ("cosine", "sine") if name in finding.parameters]
+    seen = [one for one in recordings if finding.location in one]
+    return math.hypot(*sizes) > max((resolution_of(one, finding.location) for one in seen), default=0.0)
 
 
 def _reading(data: RippleData) -> Reading:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import median_filter
-from scipy.signal import welch
+from scipy.signal import csd, welch
 
 __all__ = ["Whitening"]
 
@@ -33,6 +33,7 @@ class Whitening:
         frequencies: at which the gain is given, rising, shape (F,) [Hz].
         gain: at these, shape (F,).
         level: rms of white noise after the filter, equal to that of the noise in the band before.
+        shared: fraction of a column that the recorded torque shares, shape (F,); None for all of it.
     """
 
     low: float
@@ -40,6 +41,7 @@ class Whitening:
     frequencies: Array
     gain: Array
     level: float
+    shared: Array | None = None
 
     @classmethod
     def of(cls, series: Sequence[Array], rates: Sequence[float], *, low: float, high: float) -> Self | None:
@@ -52,13 +54,7 @@ class Whitening:
         """
         octaves = np.log2(high / low)
         grid = low * 2.0 ** (np.arange(int(PER_OCTAVE * octaves) + 1) / PER_OCTAVE)
-        spectra = []
-        for own, rate in zip(series, rates):
-            length = min(max(64, int(PERIODS * rate / low)), len(own))
-            spectra.append(np.interp(grid, *welch(own, fs=rate, nperseg=length)))
-        lasting = [len(own) / rate for own, rate in zip(series, rates)]
-        smooth = np.average(spectra, axis=0, weights=lasting)
-        smooth = median_filter(smooth, size=min(PER_OCTAVE, smooth.size) + 1, mode="nearest")
+        smooth = _smoothed([(own, own) for own in series], rates, low, grid)
         if not smooth.min() > 0.0:
             return None
         flank = (grid / low) ** FLANK / (1.0 + (grid / low) ** FLANK) / (1.0 + (grid / high) ** FLANK)
@@ -66,6 +62,29 @@ class Whitening:
         level = float(np.sqrt(np.trapezoid(smooth * flank**2, grid)))
         white = float(np.sqrt(np.trapezoid(smooth * gain**2, grid)))
         return cls(low, high, grid, gain * level / white, level)
+
+    def sharing(
+        self, columns: Sequence[Array], recorded: Sequence[Array], rates: Sequence[float]
+    ) -> Whitening:
+        """The filter with the part of a column that is no noise of the encoders (Wiener's filter).
+
+        An acceleration is the second difference of positions and mostly their noise at high frequency. The
+        recorded torque contains the true acceleration and not that noise, so that the ratio of their cross
+        spectrum to the column's own is the fraction of the column that is true.
+
+        Args:
+            columns: of one joint in each recording, (N,) each.
+            recorded: its torques, likewise.
+            rates: sampling rates [Hz].
+        """
+        pairs = [(one, one) for one in columns], list(zip(columns, recorded))
+        own, common = (_smoothed(each, rates, self.low, self.frequencies) for each in pairs)
+        return replace(self, shared=np.clip(common / np.maximum(own, np.finfo(float).tiny), 0.0, 1.0))
+
+    def of_column(self, values: Array, rate: float) -> Array:
+        """A filtered column, (N, ...), without the part that the recorded torque does not share."""
+        gain = self.gain if self.shared is None else self.gain * self.shared
+        return replace(self, gain=gain)(values, rate)
 
     def __call__(self, values: Array, rate: float) -> Array:
         """A filtered series, (N, ...), sampled at a rate [Hz]; its ends are spoiled."""
@@ -76,3 +95,17 @@ class Whitening:
         rows = np.moveaxis(values, 0, -1)
         turned = np.concatenate([rows, rows[..., ::-1]], axis=-1)  # without a step between the ends
         return np.moveaxis(irfft(rfft(turned, padded) * gain, padded)[..., :count], -1, 0)
+
+
+def _smoothed(pairs: Sequence[tuple[Array, Array]], rates: Sequence[float], low: float, grid: Array) -> Array:
+    """Real cross spectrum of series, the median over an octave, at the frequencies of a grid, shape (F,)."""
+    spectra = []
+    for (one, other), rate in zip(pairs, rates):
+        length = min(max(64, int(PERIODS * rate / low)), len(one))
+        estimate = (
+            welch(one, fs=rate, nperseg=length) if one is other else csd(one, other, rate, nperseg=length)
+        )
+        spectra.append(np.interp(grid, estimate[0], np.real(estimate[1])))
+    lasting = [len(one) / rate for (one, _), rate in zip(pairs, rates)]
+    smooth = np.average(spectra, axis=0, weights=lasting)
+    return np.asarray(median_filter(smooth, size=min(PER_OCTAVE, smooth.size) + 1, mode="nearest"))

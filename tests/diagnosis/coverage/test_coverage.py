@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, Sines, bare, recorded
 
-from missing_physics.diagnosis.coverage import Coverage, coverage, prepared
-from missing_physics.diagnosis.coverage.contradictions import contradictions
+from missing_physics.coverage import Coverage, coverage, prepared
+from missing_physics.coverage.contradictions import contradictions
 from missing_physics.motion.recorded import make_dynamics
 from robot_model import Actuator, InputError, Recording, Robot
 

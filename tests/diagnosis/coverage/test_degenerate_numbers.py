@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, bare, recorded
 
-from missing_physics.diagnosis.coverage.needs import Needs
+from missing_physics.coverage.needs import Needs
 from missing_physics.motion.recorded import make_dynamics
 from missing_physics.recordings.inspection.units import position_per_velocity
 

@@ -1,6 +1,6 @@
 """Coverage of the recordings: which joints can be judged, and why others cannot. Shared by the commands."""
 
-from missing_physics.diagnosis.coverage.joints import (
+from missing_physics.coverage.joints import (
     FEWEST_ROWS,
     Coverage,
     JointCoverage,
@@ -10,7 +10,7 @@ from missing_physics.diagnosis.coverage.joints import (
     reason_words,
     require_same_torques,
 )
-from missing_physics.diagnosis.coverage.prepare import Prepared, prepared
+from missing_physics.coverage.prepare import Prepared, prepared
 
 __all__ = [
     "FEWEST_ROWS",

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.checks.actuation import actuator_torque
-from missing_physics.diagnosis.coverage.evidence import FEWEST_SURE
-from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
-from missing_physics.diagnosis.coverage.needs import Needs
-from missing_physics.diagnosis.coverage.torque_channels import (
+from missing_physics.coverage.evidence import FEWEST_SURE
+from missing_physics.coverage.joints import FEWEST_ROWS
+from missing_physics.coverage.needs import Needs
+from missing_physics.coverage.torque_channels import (
     DECISIVE,
     FAILS,
     HOLDS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from missing_physics.diagnosis.coverage.joints import Coverage
+from missing_physics.coverage.joints import Coverage
 from missing_physics.results.result import Diagnosis, Fit, Result
 from robot_model import Recording, Robot, robot_to_toml
 

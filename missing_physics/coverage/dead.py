@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from missing_physics.checks.actuation import actuator_torque
-from missing_physics.diagnosis.coverage.needs import Needs
+from missing_physics.coverage.needs import Needs
 from missing_physics.motion.inverse import MotionDynamics
 from robot_model import Recording, Robot
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from missing_physics.answer.locate import FLOOR_TOLERANCE
 from missing_physics.checks.actuation import is_passive, torque_lack
-from missing_physics.diagnosis.coverage.evidence import FEWEST_SURE, JointEvidence, evidence
+from missing_physics.coverage.evidence import FEWEST_SURE, JointEvidence, evidence
 from missing_physics.inference.ledger import ODDS
 from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.standard.band import SAMPLES_PER_PERIOD

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from missing_physics.diagnosis.coverage.needs import Needs
+from missing_physics.coverage.needs import Needs
 from missing_physics.recordings import Correction, Finding, percent
 from missing_physics.standard import MODEL_ERROR
 from robot_model import Joint, Robot

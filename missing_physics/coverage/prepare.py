@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from missing_physics.diagnosis.coverage.dead import dead_channels, without_dead
+from missing_physics.coverage.dead import dead_channels, without_dead
 from missing_physics.motion.estimate import Motion
 from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.motion.recorded import make_dynamics
