@@ -124,6 +124,11 @@ class Data(ABC):
         """Starting value of the rms residual of each channel, shape (n,)."""
         return self.size
 
+    @property
+    def least(self) -> Array:
+        """Least rms residual of each channel in a fit, shape (n,)."""
+        return np.zeros_like(self.size)
+
     @abstractmethod
     def time(self, run: int) -> Array:
         """Times of the rows of one recording [s], shape (K,)."""

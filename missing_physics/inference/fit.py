@@ -136,7 +136,7 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None, place: 
     problem = Problem.of(data, hypothesis, parameters)
     for _ in range(LINEAR if linear else ROUNDS):
         found, _ = _within_range(problem, problem.freeing(moving), sigma, width)
-        sigma = residual_rms(problem.total, found)
+        sigma = residual_rms(problem.total, found, data.least)
         change = found[count:]
         total = problem.total
         gained = _weighted(total.energy(problem.begin) - total.energy(found), sigma)
@@ -241,7 +241,7 @@ def _cross_validated(problem: Problem, hypothesis: Hypothesis, x: Array, width: 
     there.
     """
     data, layout, total = problem.data, problem.layout, problem.total
-    sigma = residual_rms(total, x)
+    sigma = residual_rms(total, x, data.least)
     free, weight = layout.free, 1.0 / sigma**2
     hessian = objective(layout, total, sigma, width, x)[2][np.ix_(free, free)]
     kept = _kept_by_fold(problem, weight)

@@ -55,11 +55,15 @@ def search(data: D, progress: Progress | None = None) -> Search[D]:
         progress: called with a phrase whenever something new is tried.
     """
     state = _initial_state(data)
-    best = _beam_search(state, list(state.made.values()), progress)
-    best = _pruned(state, best)
-    best = _simplified(state, _with_freed_parameters(state, best))
-    best = _compared_with_rivals(state, best, progress)
-    best = _with_unnamed_forces(state, _with_freed_parameters(state, best), progress)
+    carried = list(state.made.values())
+    for _ in range(MOST):
+        best = _pruned(state, _beam_search(state, carried, progress))
+        best = _simplified(state, _with_freed_parameters(state, best))
+        rival = _compared_with_rivals(state, best, progress)
+        if {term.key for term in rival.hypothesis.terms} == {term.key for term in best.hypothesis.terms}:
+            break
+        carried = [rival]  # it may need other effects beside it
+    best = _with_unnamed_forces(state, _with_freed_parameters(state, rival), progress)
     if data.laws:  # effects may have compensated for a fixed law before the unnamed force was added
         best = _pruned(state, _with_file_laws(state, best))
     _with_freed_parameters(state, best)

@@ -33,6 +33,7 @@ __all__ = [
     "Estimate",
     "design_of",
     "estimate",
+    "least_rms",
     "minimise",
     "objective",
     "residual_rms",
@@ -106,16 +107,16 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     layout = Layout.of(model, nominal, rows)
     folds = _blocks(rows)
     groups = [total_of(fold) for fold in folds]
-    everything = total_of(groups)
-    sigma = residual_rms(everything, layout.start)
+    everything, least = total_of(groups), least_rms(rows)
+    sigma = residual_rms(everything, layout.start, least)
     found = minimise(layout, everything, sigma, FIRST, layout.start)
-    sigma = residual_rms(everything, found)
+    sigma = residual_rms(everything, found, least)
     widths = [width for width in WIDTHS if width <= SHAPES or not layout.beams.size]
     scores = {width: _cross_validated(layout, groups, everything, sigma, width) for width in widths}
     chosen = min(scores, key=lambda width: scores[width])
     for _ in range(ROUNDS):
         found = minimise(layout, everything, sigma, chosen, found)
-        sigma = residual_rms(everything, found)
+        sigma = residual_rms(everything, found, least)
     blocks = [block for fold in folds for block in fold]
     return Estimate(
         layout, found, _deviation(layout, blocks, everything, sigma, chosen, found), sigma, chosen
@@ -132,9 +133,9 @@ def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], file_fri
     """
     layout = Layout.of(model, nominal, rows)
     blocks = [block for fold in _blocks(rows) for block in fold]
-    everything, found = total_of(blocks), layout.start
+    everything, found, least = total_of(blocks), layout.start, least_rms(rows)
     for _ in range(2):  # the second round uses the weights of the first
-        sigma = residual_rms(everything, found)
+        sigma = residual_rms(everything, found, least)
         found = minimise(layout, everything, sigma, FIRST, found)
     deviation = _deviation(layout, blocks, everything, sigma, FIRST, found)
     places = [layout.names.index(f"{joint}.coulomb") for joint in model.joints]
@@ -142,7 +143,7 @@ def weights_of(model: RobotModel, nominal: Array, rows: Sequence[Rows], file_fri
     noise = np.sqrt(np.mean([own.noise**2 for own in rows], axis=0))
     scale = np.sqrt(np.mean(np.concatenate([own.scale for own in rows]) ** 2, axis=0))
     rest = determined(np.hypot(noise, MODEL_ERROR * scale), dry)
-    return Weights(rest, residual_rms(everything, found))
+    return Weights(rest, residual_rms(everything, found, least))
 
 
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:
@@ -176,11 +177,29 @@ def _cross_validated(
     return total
 
 
-def residual_rms(problem: Normal, x: Array) -> Array:
-    """rms residual of each joint; one for a joint without rows."""
+def least_rms(rows: Sequence[Rows]) -> Array:
+    """Least rms residual of each joint, shape (n,): the noise where no torque is recorded, else zero.
+
+    The residual of a joint that nothing drives is proportional to the bodies that it carries. If it alone
+    were its weight, bodies without mass would fit best.
+    """
+    noise = np.sqrt(np.mean([own.noise**2 for own in rows], axis=0))
+    driven = np.any([own.measured.any(axis=0) for own in rows], axis=0)
+    return np.where(driven, 0.0, noise)
+
+
+def residual_rms(problem: Normal, x: Array, least: Array | float = 0.0) -> Array:
+    """rms residual of each joint; one for a joint without rows.
+
+    Args:
+        problem: the normal equations.
+        x: the parameters, shape (X,).
+        least: least value of each joint, shape (n,), see `least_rms`.
+    """
     energy = problem.energy(x) / np.maximum(problem.count, 1.0)
     floor = 1e-12 * (problem.square / np.maximum(problem.count, 1.0)) + 1e-300
-    return np.asarray(np.where(problem.count > 0, np.sqrt(np.maximum(energy, floor)), 1.0))
+    found = np.maximum(np.sqrt(np.maximum(energy, floor)), least)
+    return np.asarray(np.where(problem.count > 0, found, 1.0))
 
 
 def minimise(layout: Layout, problem: Normal, sigma: Array, width: float, start: Array) -> Array:

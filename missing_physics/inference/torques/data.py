@@ -24,7 +24,7 @@ from missing_physics.inference.torques.places import places
 from missing_physics.inference.torques.runs import Run, about, runs_of
 from missing_physics.inference.torques.touched import at_links
 from missing_physics.standard import MODEL_ERROR, StandardModel
-from missing_physics.standard.fit import design_of
+from missing_physics.standard.fit import design_of, least_rms
 from missing_physics.standard.layout import Information, Layout
 from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.prediction import inertial_with_effects
@@ -109,6 +109,11 @@ class TorqueData(Data):
             standard=standard,
             runs=runs,
         )
+
+    @cached_property
+    def least(self) -> Array:
+        """Least rms residual of each joint in a fit, shape (n,)."""
+        return least_rms([run.rows for run in self.runs])
 
     def about(self, parameters: Array) -> Self:
         """The same rows, linearised at other parameters of the standard model and shifted by their delays.
