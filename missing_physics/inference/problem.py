@@ -100,18 +100,31 @@ class Problem:
     def spread(self, term: Term) -> Array:
         """Width of what is known in advance of a term's parameters, shape (P,).
 
-        It is that of the prior; else of the room that the recordings leave; else the typical value, or the
-        estimate if that is larger.
+        It is that of the prior; else, of a force, that with which it is as large as the joint's torque; else
+        the room that the recordings leave; else the typical value, or the estimate if that is larger.
         """
         first = self.data.start.size + sum(len(t.free) for t in self.terms[: self.terms.index(term)])
         found = self.layout.width[first : first + len(term.free)].copy()
         narrowed = {name for name, _, _ in term.limits}
         for i, p in enumerate(term.free):
-            if not p.linear and not term.is_given and prior_of(term, p) is None:
+            if term.is_given or prior_of(term, p) is not None:
+                continue
+            if p.linear:
+                found[i] = 1.0 / max(self._peak(first + i), np.finfo(float).tiny)
+            else:
                 low, high = term.range_of(p)
                 usual = max(abs(term.parameters[p.name]), p.typical)
                 found[i] = high - low if p.name in narrowed else usual
         return np.maximum(found, np.finfo(float).tiny)
+
+    def _peak(self, place: int) -> float:
+        """Largest value of a parameter's column, relative to the rms of the torque at its joint."""
+        found = 0.0
+        for joints in self.rows.values():
+            for joint, size in zip(joints, self.data.size):
+                own = joint.columns[:, joint.active == place]
+                found = max(found, float(np.abs(own).max(initial=0.0)) / size)
+        return found
 
     def energy_at(self, parameters: Array) -> Array:
         """Squared residual of each joint with these standard model parameters and the present terms."""
