@@ -43,8 +43,8 @@ class EndStop(JointEffect):
         return -p["side"] * p["stiffness"] * ca.fmax(p["side"] * (s.position - p["position"]), 0)
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
-        low, high = extent.position  # beyond the travel it does not act
-        return {"position": (low, high)}
+        low, high = extent.position
+        return {"position": (low, high)} if high > low else {}  # beyond the travel it does not act
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         low, high = extent.position

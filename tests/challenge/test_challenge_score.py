@@ -87,6 +87,8 @@ def test_ambiguous_sets() -> None:
     assert told(COULOMB, said=given)["in_set"] is False
     given["findings"][0]["ambiguous_with"] = ["coulomb_friction@joint1"]  # type: ignore[index]
     assert told(COULOMB, said=given)["in_set"] is True
+    given["findings"][0]["ambiguous_with"] = ["coulomb_friction"]  # type: ignore[index]
+    assert told(COULOMB, said=given)["in_set"] is True  # at the same place
     assert told(COULOMB, said=answer("explained"))["in_set"] is None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from missing_physics.standard.fit import residual_rms
 from missing_physics.standard.normal import Normal, acting, total_of
 
 RANDOM = np.random.default_rng(7)
@@ -35,3 +36,11 @@ def test_energy_and_weighted_sums_equal_those_over_all_parameters(whole: Normal)
     gram, right = whole.weighted(weight)
     assert gram == pytest.approx(np.einsum("j,tjx,tjy->xy", weight, DESIGN, DESIGN), abs=1e-12)
     assert right == pytest.approx(np.einsum("j,tjx,tj->x", weight, DESIGN, TORQUE), abs=1e-12)
+
+
+def test_residual_of_a_joint_that_nothing_drives_is_at_least_its_noise() -> None:
+    whole, x = normal(slice(None)), RANDOM.normal(size=5)
+    free = residual_rms(whole, x)
+    assert free == pytest.approx(np.sqrt(np.mean((TORQUE - DESIGN @ x) ** 2, axis=0)), rel=1e-12)
+    least = np.array([2.0 * free[0], 0.5 * free[1]])
+    assert residual_rms(whole, x, least) == pytest.approx([least[0], free[1]], rel=1e-12)

@@ -12,8 +12,7 @@ from missing_physics.results.result import Finding, Unnamed, Verdict
 
 __all__ = ["LARGER_PART", "Held", "Search", "decided", "energies"]
 
-#: Fraction of the mismatch energy that findings must explain to count as more than a guess if they cannot be
-#: distinguished from each other, or compared with a standard model.
+#: Fraction of the mismatch energy that findings must explain where there is no standard model.
 LARGER_PART = 0.5
 
 

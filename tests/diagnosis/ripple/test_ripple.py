@@ -85,6 +85,20 @@ def test_whitened_noise_is_white_and_as_large_as_before() -> None:
     assert white.level == pytest.approx(found.std(), rel=0.05)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1.0, 30.0])
+def test_noise_of_encoders_is_no_acceleration(noise: float) -> None:
+    """Of a column of variance 1 + noise^2 the torque shares one part."""
+    random = np.random.default_rng(5)
+    true, wrong, rate = *random.normal(size=(2, 40000)), 1000.0
+    column, torque = true + noise * wrong, true + 0.5 * random.normal(size=40000)
+    white = Whitening.of([torque], [rate], low=20.0, high=200.0)
+    assert white is not None
+    shared = white.sharing([column], [torque], [rate]).shared
+    assert shared is not None
+    # A spectrum of some hundred segments is known to a tenth; the median over an octave averages these.
+    assert shared == pytest.approx(1.0 / (1.0 + noise**2), abs=0.1)
+
+
 def test_a_silent_joint_has_no_whitening() -> None:
     assert Whitening.of([np.zeros(1000)], [500.0], low=5.0, high=100.0) is None
 
