@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -117,14 +117,14 @@ def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probabili
     rivals = _rivals(data, known, fit, term)
     shown = _shown(data, term)
     parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in shown}
-    stated = [_label(key, term.at) for key, p in rivals if p >= RIVAL]
+    stated = [
+        _label(key, term.at) for key, _ in rivals if not _is_more_general(key, (term.effect.id, term.at))
+    ]
     notes = list(_replacing(data, fit, term.effect.id, term.at))
     if term.run is not None and len(data.runs) > 1:
         source = data.runs[term.run].rows.source
         notes.append(f"It occurred in {source} only, so the robot file does not include it.")
-    if len(shown) < len(term.free):
-        names = ", ".join(p.name for p in term.free if p not in shown)
-        notes.append(f"These recordings do not show {names}.")
+    notes += _unseen(term, shown)
     for p in term.effect.parameters:
         if p.name in term.located and p not in term.free:
             notes.append(f"{p.name} is held at {term.parameters[p.name]:.3g}, as only the direction counts.")
@@ -134,14 +134,32 @@ def _of_term(data: TorqueData, known: Posterior, fit: Fit, term: Term, probabili
         probability=probability,
         parameters=parameters,
         ambiguous_with=tuple(dict.fromkeys([*stated, *_simpler(term, parameters)])),
-        alternatives=_alternatives(rivals),
+        alternatives=_alternatives(rivals, (term.effect.id, term.at)),
         validation_improvement=_gain(data, known, fit, term.key),
         note=" ".join(notes),
     )
 
 
-def _alternatives(rivals: Sequence[tuple[tuple[str, str], float]]) -> tuple[Alternative, ...]:
-    return tuple(Alternative(*key, p, "it predicts held-out data less well") for key, p in rivals)
+def _alternatives(
+    rivals: Sequence[tuple[tuple[str, str], float]], named: tuple[str, str]
+) -> tuple[Alternative, ...]:
+    why = {
+        False: "it predicts held-out data less well",
+        True: "it is more general and predicts no better; it may differ at speeds that were not compared",
+    }
+    return tuple(Alternative(*key, p, why[_is_more_general(key, named)]) for key, p in rivals)
+
+
+def _is_more_general(key: tuple[str, str], than: tuple[str, str]) -> bool:
+    """Whether an effect is a higher rung of the family of another one at its place."""
+    one, other = get_effect(key[0]), get_effect(than[0])
+    same = key[1] == than[1] and other.family is not None and one.family == other.family
+    return same and one.rung > other.rung
+
+
+def _unseen(term: Term, shown: Collection[Parameter]) -> list[str]:
+    names = ", ".join(p.name for p in term.free if p not in shown)
+    return [f"These recordings do not show {names}."] if names else []
 
 
 def _shown(data: TorqueData, term: Term) -> list[Parameter]:
@@ -172,10 +190,13 @@ def _of_body(data: TorqueData, fit: Fit, top: Load, body: str, carried: Sequence
     rivals = [(other, p) for other, p in probable.items() if other not in named and p >= RIVAL]
     rivals.sort(key=lambda one: -one[1])
     why = "the bodies that the recordings determine differ from the robot file in another way"
+    note = ""
     if term is None:
         parameters, energy = _changed(data, fit, body)
     else:
-        parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
+        shown = _shown(data, term)
+        parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in shown}
+        note = " ".join(_unseen(term, shown))
         energy = sum(_energy(data.columns(term, run)[:, :, 0], fit) for run in range(data.fitted))
     finding = Finding(
         effect=effect.id,
@@ -184,6 +205,7 @@ def _of_body(data: TorqueData, fit: Fit, top: Load, body: str, carried: Sequence
         parameters=parameters,
         ambiguous_with=tuple(_label(other, body) for other, _ in rivals),
         alternatives=tuple(Alternative(*other, p, why) for other, p in rivals),
+        note=note,
     )
     return finding, energy
 
@@ -320,16 +342,15 @@ def _of_parameters(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Fin
             continue
         interval = max(value - half, p.lower), value + half
         estimate = Estimate(value, interval, _unit(data, joint, p.unit))
-        same = [_label(key, joint) for key, _ in rivals] + list(
-            _same_while_sliding(fit, joint, effect, value)
-        )
+        probable = [_label(key, joint) for key, _ in rivals if not _is_more_general(key, (effect, joint))]
+        same = (*probable, *_same_while_sliding(fit, joint, effect, value))
         yield Finding(
             effect,
             joint,
             probability,
             {parameter: estimate},
             ambiguous_with=tuple(dict.fromkeys(same)),
-            alternatives=_alternatives(rivals),
+            alternatives=_alternatives(rivals, (effect, joint)),
             note=" ".join(_replacing(data, fit, effect, joint)),
         )
 

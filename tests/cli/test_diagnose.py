@@ -95,10 +95,8 @@ def test_diagnose_writes_all_files_and_the_augmented_robot_reproduces_the_record
     assert all(path.stat().st_size > 0 for path in out.iterdir())
     assert message.out == (out / "diagnosis.json").read_text("utf-8")
     found = json.loads(message.out)
-    assert found["verdict"] == "ambiguous"
-    [finding] = found["findings"]
-    assert (finding["effect"], finding["location"]) == ("coulomb_friction", "joint1")
-    assert finding["ambiguous_with"] == ["stribeck_friction"]  # at lower speeds than those that are compared
+    assert found["verdict"] == "explained"
+    assert [(f["effect"], f["location"]) for f in found["findings"]] == [("coulomb_friction", "joint1")]
     torque, compared = found["fit"]["channels"]["joint1.torque"], found["comparison"]["channels"]
     assert torque["standard"]["validation_rms"] < 0.5 * torque["before"]["validation_rms"]
     recording = load_recording(case / "recording.csv")

@@ -62,14 +62,7 @@ class Case:
 DRY = EffectUse(effect="coulomb_friction", at="joint1", torque=2.0)
 #: The least improvement is a third of what the true model reaches with seed 1, as the noise allows.
 CASES = {
-    "coulomb": Case(
-        "coulomb_friction",
-        "joint1",
-        {"torque": 3.0},
-        0.8,
-        identified=("torque",),
-        twins=("stribeck_friction@joint1",),  # at lower speeds than those that are compared
-    ),
+    "coulomb": Case("coulomb_friction", "joint1", {"torque": 3.0}, 0.8, identified=("torque",)),
     "stribeck": Case(
         "stribeck_friction",
         "joint2",
