@@ -41,7 +41,7 @@ BLOCK = "machines"
 #: The row for the picture.
 DRAWN = "emps"
 #: Lines of the verdict and findings that a shortened console shows.
-VERDICT, FINDINGS = 3, 1
+VERDICT, FINDINGS = 2, 1
 #: A finding's line: name, place and probability; its details are indented further.
 FINDING = re.compile(r"  \S.*%")
 #: Ends of rows of the table of errors.
