@@ -24,8 +24,8 @@ which uses the other engine, gets the robot file and the two recordings and noth
 ({isolation}). The truth was encrypted before the first diagnosis and decrypted after the last answer.
 All numbers below are computed by the program from these answers; missed goals are marked."""
 IDENTIFIABLE = """\
-`identifiable` is judged from the true model's Fisher information alone: the effect must stand out
-from the sensors' noise after credible errors of the nominal robot and the nearest effect that is no less
+`identifiable` is judged from the true model's Fisher information alone: the effect must exceed
+the sensors' noise after credible errors of the nominal robot and the nearest effect that is no less
 simple have explained as much of it as they can. Of {cases} hidden effects {clear} are identifiable."""
 IMPROVEMENT = """\
 The median answer reaches {share} of the true model's improvement of the held-out error, both simulated in

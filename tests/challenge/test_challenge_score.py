@@ -135,7 +135,7 @@ NOTHING = {"hidden": (), "identifiable": {}, "distance": {}, "place": None, "rig
         ({"right_name": False, "verdict": "consistent"}, "nothing named (consistent)"),
         ({"right_name": False, "findings": (WRONG,)}, "another name at the place"),
         ({"right_name": False, "findings": (WRONG,), "place": False}, "named at another place"),
-        ({"findings": (RIGHT, WRONG)}, "named, and something else that is not there"),
+        ({"findings": (RIGHT, WRONG)}, "named, and a wrong effect besides"),
         (
             {"right_name": False, "findings": (WRONG,), "identifiable": {"coulomb_friction@joint1": False}},
             "wrong name where the data cannot tell",
@@ -321,7 +321,7 @@ def test_all_cases_that_miss_a_goal_are_listed() -> None:
     assert shortfalls(cases) == {
         "place not right": ("14",),
         "not everything hidden named": ("14 (not identifiable)", "15 (in its set)"),
-        "a name that is not there (probability)": ("14 payload@link1 (0.99)",),
+        "a wrong name (probability)": ("14 payload@link1 (0.99)",),
         "under 80% of the true model's improvement": ("12 (75%)", "13 (no answer that runs)"),
         "true parameter outside its interval": ("11 coulomb_friction@joint1 (torque)",),
     }

@@ -22,7 +22,7 @@ YARDSTICK_SEEDS = range(50000, 50300)
 #: and the first of those for scoring, which are not inspected before the score counts.
 FIRST_SCORING_SEED = 20000
 #: Numbers used up by a score, since its page shows them, with its date; the next score uses others.
-#: 28000 to 28204 were inspected without a score. All of these were cases of the first version of the draws.
+#: 28000 to 28204 were inspected without a score. Up to 41204 cases were of the first version of the draws.
 SCORED: tuple[tuple[range, str], ...] = (
     (range(20000, 20040), "2026-11-21"),
     (range(21000, 21200), "2026-11-21"),
@@ -34,6 +34,7 @@ SCORED: tuple[tuple[range, str], ...] = (
     (range(27000, 27205), "2026-11-23"),
     (range(29000, 29205), "2026-11-25"),
     (range(41000, 41205), "2026-11-25"),
+    (range(42000, 42200), "2026-11-28"),  # the first of the second version
 )
 
 #: Halves of the yardstick's numbers: cases of one half may be inspected; those of the other are only counted,

@@ -15,7 +15,7 @@ def shortfalls(cases: Sequence[CaseScore]) -> dict[str, tuple[str, ...]]:
     found = {
         "place not right": _places(cases),
         "not everything hidden named": _unnamed(cases),
-        "a name that is not there (probability)": _wrong(cases),
+        "a wrong name (probability)": _wrong(cases),
         f"under {ENOUGH:.0%} of the true model's improvement": _improvements(cases),
         "true parameter outside its interval": _intervals(cases),
     }

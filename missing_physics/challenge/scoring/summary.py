@@ -273,7 +273,7 @@ def cause_of(case: CaseScore) -> str:
         return "truth outside the ambiguous set"
     if not case.right_name:
         return _unnamed(case)
-    return "named, and something else that is not there" if case.wrong else ""
+    return "named, and a wrong effect besides" if case.wrong else ""
 
 
 def _unnamed(case: CaseScore) -> str:
