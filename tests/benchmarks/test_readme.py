@@ -42,7 +42,6 @@ Could not tell
 """
 SHORT = """AMBIGUOUS: Coulomb friction, Viscous friction and Torque offset (or
 Direction-dependent friction) at joint1
-Several explanations fit these data equally well; an experiment would separate
 ...
 Torque error on data that were not fitted (rms)
           nominal  answer
