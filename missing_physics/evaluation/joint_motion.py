@@ -14,10 +14,10 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.evaluation.band import Band, low_passed, thinned
+from missing_physics.evaluation.held import as_held
 from missing_physics.evaluation.sensors import without_error
 from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.recordings import noise_of, sensor_of
-from reference_model.control.laws import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.plant.acting import AMBIENT_TEMPERATURE
@@ -169,7 +169,7 @@ class _Reader:
             assert motor.resistance is not None
             damping = (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance  # back-EMF
             found = found - damping * self.moved("motor")[1][:, k]
-        return self._as_held(found, channel)
+        return as_held(found, self.time, self.robot, self.recording, channel)
 
     def temperature(self, joint: str) -> Array:
         channel = f"{joint}.temperature"
@@ -263,17 +263,6 @@ class _Reader:
         for used in reversed([used for used in self._errors if used.at == channel]):
             found = without_error(instants, found, used)
         return found
-
-    def _as_held(self, torque: Array, channel: str) -> Array:
-        """Torque of a command held by a sampled controller, effective half a period after it is recorded."""
-        period = sample_time(self.robot)
-        if period <= 0.0:
-            return torque
-        good = np.isfinite(self.recording[channel])
-        own = float(np.median(np.diff(self.recording.time[good])))
-        delay = 0.5 * min(period, own)
-        spline = make_interp_spline(self.time, torque, k=3)
-        return np.asarray(spline(np.maximum(self.time - delay, self.time[0])))
 
 
 def _covered(time: Array, recorded: Array) -> NDArray[np.bool_]:

@@ -17,9 +17,11 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
 from missing_physics.evaluation.band import SPOILED_PERIODS, low_passed, thinned
+from missing_physics.evaluation.held import as_held
 from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.evaluation.steps import unsteadiness
 from missing_physics.recordings import noise_of, sensor_of
+from missing_physics.recordings.channels.estimates import resolution_of
 from robot_model import InputError, Recording, Robot
 
 __all__ = [
@@ -234,7 +236,8 @@ def band_motion(
     noise = np.array([sigma for _, sigma in torques])
     steps = np.array([_step(robot, recording, joint) for joint in joints])
     jumps, rounding = unsteadiness(torque, noise, steps, rate=clock.rate, cutoff=cutoff, smoothing=wide)
-    torque, stride = thinned(torque, rate=clock.rate, smoothing=wide)
+    held = [_held(robot, recording, clock, joint, torque[:, k]) for k, joint in enumerate(joints)]
+    torque, stride = thinned(np.column_stack(held), rate=clock.rate, smoothing=wide)
     return BandMotion(
         source=recording.source,
         time=clock.time[::stride],
@@ -285,14 +288,20 @@ def _torque(
     return torque, abs(factor) * _noise(robot, recording, channel)
 
 
+def _held(robot: Robot, recording: Recording, clock: Clock, joint: str, torque: Array) -> Array:
+    """The torque of a joint at the time at which it took effect, shape (N,)."""
+    channel = actuator_torque(robot, recording, joint)[0]
+    return torque if channel is None else as_held(torque, clock.time, robot, recording, channel)
+
+
 def _step(robot: Robot, recording: Recording, joint: str) -> float:
-    """Resolution of the recorded torque of a joint, if known, else 0 [N m or N]."""
+    """Resolution of the recorded torque of a joint, stated or visible, else 0 [N m or N]."""
     channel, factor = actuator_torque(robot, recording, joint)
     if channel is None:
         return 0.0
     sensor = sensor_of(robot, recording, channel)
-    known = recording.resolution.get(channel, 0.0) if sensor is None else sensor.resolution
-    return abs(factor) * known
+    step = resolution_of(recording, channel) if sensor is None else sensor.resolution
+    return abs(factor) * step
 
 
 def velocity_noise_of(position_noise: Array, rate: float, cutoff: float) -> Array:

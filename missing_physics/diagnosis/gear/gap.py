@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from missing_physics.evaluation.steps import mean_rounding_error
 from missing_physics.motion.inverse import MotionDynamics
-from missing_physics.recordings import estimate_noise, sensor_of
+from missing_physics.recordings import estimate_noise, noise_of, sensor_of
+from missing_physics.recordings.channels.estimates import resolution_of
 from robot_model import Recording
 
 __all__ = ["Gap", "gaps_of"]
@@ -176,7 +177,10 @@ def _steps(along: MotionDynamics, recording: Recording, channel: str) -> float:
     sensor = sensor_of(along.model.robot, recording, channel)
     if sensor is not None:
         return mean_rounding_error(sensor.noise, sensor.resolution)
-    return mean_rounding_error(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
+    step, white = resolution_of(recording, channel), recording.noise.get(channel, 0.0)
+    if not white:  # an estimate includes the rounding
+        white = float(np.sqrt(max(noise_of(recording, channel) ** 2 - step**2 / 12.0, 0.0)))
+    return mean_rounding_error(white, step)
 
 
 def _torques(along: MotionDynamics, links: Array, index: int) -> dict[str, Array]:
