@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 def as_held(torque: Array, time: Array, robot: Robot, recording: Recording, channel: str) -> Array:
     """Torque of an actuator at the time at which it took effect, shape (N,).
 
-    A recorded value holds for the period of the file's controller, or until the next sample if that is sooner:
+    A recorded value holds for the period of the controller, or until the next sample if that is sooner:
     on average it takes effect half of that time after it is recorded. Unchanged for a continuous controller.
 
     Args:
