@@ -58,7 +58,7 @@ def test_hold_in_the_robot_file_is_not_estimated_as_a_delay() -> None:
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_rounding_of_a_torque_counts_whether_its_step_is_stated_or_visible(stated: bool) -> None:
-    """Without noise the error of rounding has the rms of the step over root 12 where the torque hardly changes."""
+    """Less than a uniform error of the step, as the torque travels over several steps."""
     step, run = 2.0, recorded(ARM, 0)
     torque = "joint1.torque"
     rounded = run.with_channels({torque: step * np.round(run[torque] / step)})
