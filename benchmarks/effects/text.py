@@ -86,7 +86,7 @@ def _summary(rows: Sequence[Row]) -> str:
         ["name right, identifiable", _share(sum(row.name_right for row in able), len(able))],
         *([] if along == able else [["of these effects that a diagnosis weighs", named]]),
         ["named or in the stated set, not identifiable", _share(sum(r.in_set for r in twins), len(twins))],
-        ["a name that is not there, above 0.9, identifiable", _share(confident, len(able))],
+        ["a wrong name above 0.9, identifiable", _share(confident, len(able))],
         ["true parameters inside their 95 % intervals", _share(sum(intervals), len(intervals))],
         [
             "at least 80 % of the true model's improvement, named",

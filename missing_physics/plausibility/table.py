@@ -121,6 +121,17 @@ TABLE: tuple[Credible, ...] = (
         CYCLES,
     ),
     Credible(
+        "contact",
+        "stiffness",
+        "",
+        1e3,
+        1e13,
+        "N/m^1.5",
+        "even soft foam resists a fingertip with 1e3 N/m^1.5, and a force that grows more slowly is no wall",
+        "Hertz: 4/3 E sqrt(R) with a radius of 1 cm and E = 1e4 Pa, softer than upholstery foam: engineering "
+        "judgement.",
+    ),
+    Credible(
         "clock_drift",
         "rate",
         "",

@@ -36,6 +36,8 @@ def test_plausible_ranges_are_within_the_catalogue_and_have_its_units() -> None:
         ("sensor_delay", "joint1.position", {"delay": 0.008}, False),
         ("sensor_delay", "joint1.motor_position", {"delay": 0.003}, True),
         ("sensor_delay", "joint1.torque", {"delay": 0.03}, True),
+        ("contact", "link2", {"stiffness": 50.0}, False),
+        ("contact", "link2", {"stiffness": 1e4}, True),
         ("clock_drift", "joint1.torque", {"rate": -2e-3}, False),
         ("clock_drift", "joint1.torque", {"rate": 5e-4}, True),
         ("gravity", "base", {"x": 1.7, "y": 0.0, "z": 0.15}, True),  # ten degrees askew
