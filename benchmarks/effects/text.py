@@ -28,7 +28,8 @@ only be listed together with it. Effects without regressors along a motion (link
 temperature must make the recordings differ from the nominal robot's simulations by as much; no rival is
 considered. A diagnosis searches neither for a compliant base nor for bending of links that the file calls
 rigid. Robots with links that bend are drawn once, since they take long to simulate; effects of joints,
-actuators and sensors on the free-flying one come last. A case that does not stand out in both recordings is also diagnosed, but not counted."""
+actuators and sensors on the free-flying one come last. A case that does not stand out in both recordings is
+also diagnosed, but not counted."""
 COLUMNS = """\
 *Place* is right where every hidden place has a finding or, with nothing named, a located mismatch; *name*
 where the effect is named at its place, "in the set" where it is listed as an equally good explanation.
