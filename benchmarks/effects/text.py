@@ -205,18 +205,18 @@ def reason(row: Row) -> str:
         return outside
     own = [s for s in row.left if REFUSED in s and row.place.split(".")[0] in s]
     if row.name_right:
-        return paragraph("Named, with another name beside it.", outside, *own[:1])
+        return paragraph("Named, and a wrong effect besides.", outside, *own[:1])
     if row.in_set:
         return "Listed among the explanations that fit alike; another one leads."
     if not row.identifiable:
         return "A twin in the recorded channels is named without it: the answer should list both."
     if not _weighed(row.key.effect):
-        note = "and something else is named" if row.findings else "and nothing else is named in its place"
+        note = "and another effect is named" if row.findings else "and nothing is named"
         return f"A diagnosis does not weigh this effect yet, {note}."
     if any(_kin(row, finding) for finding in row.findings):
         return paragraph(
             "A simpler law of its family is named: the diagnosis found no need for more.", *own[:1]
         )
     if row.findings:
-        return paragraph("Another name stands in its place.", *own[:1])
+        return paragraph("Another effect is named.", *own[:1])
     return paragraph("Nothing is named.", *(own[:1] or row.left[:1]))
