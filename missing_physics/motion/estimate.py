@@ -11,7 +11,7 @@ recorded torque.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,10 +20,10 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
+from missing_physics.evaluation.held import as_held
 from missing_physics.evaluation.joint_motion import SIGN_UNCERTAINTY, SLOWEST
 from missing_physics.motion.low_pass import LowPass
 from missing_physics.standard.band import HIGHEST, LOWEST, WIDER, WIDEST, position_channel, velocity_noise_of
-from reference_model.control.laws import sample_time
 from robot_model import Recording, Robot
 
 __all__ = ["Motion", "estimate_motion"]
@@ -154,9 +154,8 @@ def estimate_motion(
     smoothing = _motion_cutoff(rate, chosen, raw, position_noise, widest=widest)
     position, velocity, acceleration = _derivatives(time, LowPass(rate, smoothing).smooth(raw))
     temperature = np.column_stack([clock.values(f"{name}.temperature", absent=np.nan) for name in names])
-    periods = np.array([clock.own.get(source or "", float(time[1] - time[0])) for source in sources])
-    drive = _held(robot, time, torque, periods)
-    torque = _held(robot, time, _with_back_emf(robot, recording, torque, velocity), periods)
+    drive = _held(robot, recording, time, torque, sources)
+    torque = _held(robot, recording, time, _with_back_emf(robot, recording, torque, velocity), sources)
     others = [
         channel
         for channel in recording
@@ -204,21 +203,12 @@ def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: 
     return result
 
 
-def _held(robot: Robot, time: Array, torque: Array, periods: Array) -> Array:
-    """Torque at the time it took effect, if a sampled controller holds it.
-
-    A recorded value holds for the controller's period, or until the next sample if that is sooner: on
-    average it takes effect half of that time after it is recorded.
-    """
-    period = sample_time(robot)
-    if period <= 0.0:
-        return torque
-    delayed = torque.copy()
-    for column, own in zip(delayed.T, periods):
-        delay = 0.5 * min(period, own)
-        if np.isfinite(column).all():
-            column[:] = make_interp_spline(time, column, k=3)(np.maximum(time - delay, time[0]))
-    return delayed
+def _held(
+    robot: Robot, recording: Recording, time: Array, torque: Array, sources: Sequence[str | None]
+) -> Array:
+    """Torques at the time at which they took effect, shape (N, n), recorded in the channels `sources`."""
+    columns = zip(torque.T, sources)
+    return np.column_stack([as_held(one, time, robot, recording, source) for one, source in columns])
 
 
 def _noise_of(recording: Recording, noise: Mapping[str, float], channel: str) -> float:

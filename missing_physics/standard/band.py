@@ -236,7 +236,8 @@ def band_motion(
     noise = np.array([sigma for _, sigma in torques])
     steps = np.array([_step(robot, recording, joint) for joint in joints])
     jumps, rounding = unsteadiness(torque, noise, steps, rate=clock.rate, cutoff=cutoff, smoothing=wide)
-    held = [_held(robot, recording, clock, joint, torque[:, k]) for k, joint in enumerate(joints)]
+    sources = [actuator_torque(robot, recording, joint)[0] for joint in joints]
+    held = [as_held(one, clock.time, robot, recording, source) for one, source in zip(torque.T, sources)]
     torque, stride = thinned(np.column_stack(held), rate=clock.rate, smoothing=wide)
     return BandMotion(
         source=recording.source,
@@ -286,12 +287,6 @@ def _torque(
         assert motor.resistance is not None
         torque = torque - (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance * velocity
     return torque, abs(factor) * _noise(robot, recording, channel)
-
-
-def _held(robot: Robot, recording: Recording, clock: Clock, joint: str, torque: Array) -> Array:
-    """The torque of a joint at the time at which it took effect, shape (N,)."""
-    channel = actuator_torque(robot, recording, joint)[0]
-    return torque if channel is None else as_held(torque, clock.time, robot, recording, channel)
 
 
 def _step(robot: Robot, recording: Recording, joint: str) -> float:
