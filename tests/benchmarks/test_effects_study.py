@@ -106,7 +106,7 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     assert strangers(RIGHT) == []
     assert reason(RIGHT) == ""
     assert "torque misses the truth" in reason(outside)
-    assert "Another name" in reason(wrong)
+    assert "Another effect" in reason(wrong)
     assert "that a diagnosis weighs" not in text
     lower = replace(RIGHT, key=replace(RIGHT.key, effect="stribeck_friction"), name_right=False, in_set=False)
     assert "simpler law of its family" in reason(lower)
