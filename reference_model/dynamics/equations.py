@@ -154,8 +154,8 @@ def generalised(mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: c
         rows = tree.own(index)
         if rows:
             result[rows] = mechanism.states[index].hinge.T @ wrench[index]
-    joints = slice(tree.offset, tree.offset + len(tree.joints))
-    result[joints] += mechanism.rotors @ acceleration
+    if tree.joints:
+        result[tree.offset : tree.offset + len(tree.joints)] += mechanism.rotors @ acceleration
     return ca.densify(result)
 
 

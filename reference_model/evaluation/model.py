@@ -101,7 +101,7 @@ class RobotModel:
         """
         motion = (position, velocity, acceleration)
         flat = self.evaluate(outputs.regressor, motion, (base, inner, inertial))[0]
-        return flat.reshape(len(flat), self.rows, -1)
+        return flat.reshape(len(flat), self.rows, len(self.inertial_names))
 
     def motion_jacobians(
         self,
@@ -115,7 +115,8 @@ class RobotModel:
     ) -> tuple[Array, Array, Array]:
         """Derivatives of `inverse_dynamics` by joint position, velocity, acceleration: (N, rows, n) each."""
         found = self.evaluate(outputs.jacobians, (position, velocity, acceleration), (base, inner, inertial))
-        first, second, third = (flat.reshape(len(flat), self.rows, -1) for flat in found)
+        shape = self.rows, len(self.joints)
+        first, second, third = (flat.reshape(len(flat), *shape) for flat in found)
         return first, second, third
 
     def joint_wrenches(

@@ -65,9 +65,8 @@ def minimal(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
 
 def forward(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
     """Generalised accelerations; `extra` holds the base's wrench and the forces on the inner coordinates."""
-    tree = robot.tree
-    start = tree.offset
-    return [robot.forward_dynamics(ca.vertcat(extra[:start], robot.motion.acceleration, extra[start:]))]
+    wrench, pushed = ca.vertsplit(extra, [0, robot.tree.offset, extra.shape[0]])
+    return [robot.forward_dynamics(ca.vertcat(wrench, robot.motion.acceleration, pushed))]
 
 
 def momenta(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:

@@ -190,6 +190,22 @@ def test_regressor_is_the_derivative_by_the_inertial_numbers(case: Case) -> None
     close(changed - force, regressor @ step)
 
 
+@pytest.mark.parametrize(
+    ("kind", "modes", "rows"), [("revolute", 1, 2), ("fixed", 2, 2), ("fixed", 1, 1), ("fixed", 0, 0)]
+)
+def test_robots_with_the_fewest_coordinates(kind: str, modes: int, rows: int) -> None:
+    """One coordinate, or none, of the joints or of the modes: CasADi slices such vectors to rows."""
+    case = random_flexible_case(3, base="fixed", kinds=[kind], modes=[modes])
+    model = case.model
+    force = model.inverse_dynamics(*case.motion, **case.given)
+    assert force.shape == (3, rows)
+    close(case.forward(force), case.generalised_acceleration)
+    regressor = model.regressor(*case.motion, **case.given)
+    assert regressor.shape == (3, rows, model.inertial.size)
+    sizes = [one.shape for one in model.motion_jacobians(*case.motion, **case.given)]
+    assert sizes == [(3, rows, len(model.joints))] * 3
+
+
 def test_strain_is_that_of_the_gauges_and_unusable_arguments_are_refused() -> None:
     case = random_flexible_case(4, base="fixed", kinds=["revolute", "spherical"], modes=[2, 3])
     strain = case.model.strain("link1", case.inner)
