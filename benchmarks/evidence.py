@@ -6,8 +6,11 @@ import argparse
 import datetime
 import os
 import platform
+import re
+import resource
 import shlex
 import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -30,6 +33,7 @@ __all__ = [
     "head",
     "number",
     "paragraph",
+    "peak_memory",
     "percent",
     "recording_of",
     "table",
@@ -55,6 +59,17 @@ def head(title: str, *, command: str) -> str:
     date = datetime.date.today().isoformat()
     made = f"Made by `{command}` on {date}{at}; {versions}; {machine}. No number was put in by hand."
     return f"# {title}\n\n{made}"
+
+
+def peak_memory() -> float:
+    """Largest memory of this process [MB]; `getrusage` includes that of the process that started it."""
+    status = Path("/proc/self/status")
+    if status.is_file():
+        found = re.search(r"VmHWM:\s*(\d+) kB", status.read_text("ascii", "replace"))
+        if found is not None:
+            return float(found[1]) / 1024.0
+    scale = 1024.0**2 if sys.platform == "darwin" else 1024.0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / scale
 
 
 def command_line(parser: argparse.ArgumentParser, given: argparse.Namespace, names: Iterable[str]) -> str:

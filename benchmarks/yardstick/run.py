@@ -9,15 +9,13 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-import resource
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence import commit
+from benchmarks.evidence import commit, peak_memory
 from benchmarks.yardstick.loading import load
 from benchmarks.yardstick.machines import Machine, machine
 from missing_physics.diagnosis import Options, diagnose
@@ -101,7 +99,6 @@ def _diagnose(name: str, sending: Any) -> None:
         outcome["refused"] = str(error)
     except Exception as error:  # a fault of the program is a row of the table, too
         outcome["refused"] = f"FAULT: {type(error).__name__}: {error}"
-    usage = resource.getrusage(resource.RUSAGE_SELF)
     outcome.setdefault("seconds", time.process_time())
-    outcome["megabytes"] = usage.ru_maxrss / (1024.0 if sys.platform != "darwin" else 1024.0**2)
+    outcome["megabytes"] = peak_memory()
     sending.send(outcome)

@@ -235,13 +235,17 @@ def test_a_signal_leaves_neither_processes_nor_folders(tmp_path: Path, kind: sig
     room = tmp_path / "tmp"
     room.mkdir()
     words = ["challenge", "--quiet", "--cases", "1", "--seed", "10000", "--out", str(tmp_path / "out")]
-    command = subprocess.Popen(
-        [sys.executable, "-m", "missing_physics", *words],
-        env={**os.environ, "TMPDIR": str(room)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    before = signal.signal(kind, signal.SIG_DFL)  # nohup has SIGHUP ignored, and the command inherits that
+    try:
+        command = subprocess.Popen(
+            [sys.executable, "-m", "missing_physics", *words],
+            env={**os.environ, "TMPDIR": str(room)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    finally:
+        signal.signal(kind, before)
     while not list(room.glob("step-*")):
         assert command.poll() is None, command.communicate()
         time.sleep(0.02)
