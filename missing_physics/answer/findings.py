@@ -16,6 +16,7 @@ from missing_physics.bodies.pseudo_inertia import COUNT
 from missing_physics.hypotheses import BODIES, TIMING, Term
 from missing_physics.inference import Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
+from missing_physics.inference.ledger import unstated
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
@@ -438,6 +439,7 @@ def _timing(data: TorqueData, fit: Fit) -> Iterator[Timing]:
 
 def _changes(data: TorqueData, fit: Fit) -> Iterator[ParameterChange]:
     """Re-estimated parameters of the robot file on which some recorded torque depends."""
+    free_of_cost = unstated(data)
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")
         nominal = float(data.file_values[place])
@@ -448,6 +450,8 @@ def _changes(data: TorqueData, fit: Fit) -> Iterator[ParameterChange]:
         if joint in data.joints and kind in EFFECTS and nominal == 0.0:
             continue  # reported as a finding
         value, half = fit.parameter(name), QUANTILE * fit.deviation(name)
+        if name in free_of_cost and value <= half:
+            continue  # not distinguished from zero
         known = FILE * abs(nominal)
         if joint not in data.joints:  # relative to the body's scale, as a coordinate of its centre may be 0
             known = data.standard.estimate.width * float(fit.layout.size[place])

@@ -7,6 +7,7 @@ corrected.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,23 +77,23 @@ class JointMotion:
         """Samples per second [Hz]."""
         return float(1.0 / (self.time[1] - self.time[0]))
 
-    @property
+    @cached_property
     def slides(self) -> NDArray[np.bool_]:
         """Samples in which the direction of each joint's friction is known, shape (N, n)."""
         return self._slides(self.velocity, self.acceleration)
 
-    @property
+    @cached_property
     def shares(self) -> Array:
         """Weight of each sample in the comparison at each joint, 0 to 1, shape (N, n)."""
         slides = self.slides
         return shares(slides, np.array(self.band.rest or [0.0] * slides.shape[1]))
 
-    @property
+    @cached_property
     def direction(self) -> Array:
         """Direction of each joint's friction, -1 to 1, shape (N, n)."""
         return directions(self.velocity, self.slides)
 
-    @property
+    @cached_property
     def motor_direction(self) -> Array:
         """Direction of the friction of each motor behind a gear with effects, else of its joint, (N, n)."""
         _, velocity, acceleration = self.motor

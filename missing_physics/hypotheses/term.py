@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 
 from reference_model.effects.base import Effect, Parameter
@@ -87,7 +88,7 @@ class Term:
         """Joint or body of the place; for a channel, the joint or body in its name."""
         return self.at.split(".")[0]
 
-    @property
+    @cached_property
     def parameters(self) -> Mapping[str, float]:
         """Values by name."""
         return MappingProxyType(dict(zip((p.name for p in self.effect.parameters), self.values)))
@@ -97,7 +98,7 @@ class Term:
         """Whether the robot file has the term."""
         return bool(self.nominal)
 
-    @property
+    @cached_property
     def free(self) -> tuple[Parameter, ...]:
         """Parameters that are estimated; not those whose limits leave a single value."""
         held = {name for name, low, high in self.limits if low == high}
@@ -116,7 +117,7 @@ class Term:
         narrower = {name: (low, high) for name, low, high in self.limits}
         return narrower.get(p.name, (p.lower, p.upper))
 
-    @property
+    @cached_property
     def linear_values(self) -> tuple[float, ...]:
         """Values of the linear estimated parameters, 0 for non-linear ones.
 
@@ -125,6 +126,17 @@ class Term:
         values = self.parameters
         begin = {p.name: self.file_value(p.name) if self.in_rows else 0.0 for p in self.free}
         return tuple(values[p.name] - begin[p.name] if self.is_linear(p) else 0.0 for p in self.free)
+
+    @cached_property
+    def shape(self) -> tuple[object, ...]:
+        """Key that is equal for terms that differ in their free linear parameters only."""
+        free = {p.name for p in self.free}
+        bent = (
+            value
+            for p, value in zip(self.effect.parameters, self.values)
+            if p.name not in free or not self.is_linear(p)
+        )
+        return *self.key, self.run, tuple(bent), self.freed
 
     def file_value(self, name: str) -> float:
         """The robot file's value of a parameter of a term of the file."""

@@ -195,16 +195,27 @@ class Data(ABC):
         """Standard model parameters at which the rows are linearised, shape (X,)."""
         return np.zeros_like(self.file_values)
 
-    def about(self, parameters: Array) -> Self:
-        """The same rows, linearised at other parameters of the standard model, shape (X,)."""
+    def about(self, parameters: Array, driven: Array | None = None) -> Self:
+        """The same rows, linearised at other parameters of the standard model, shape (X,); see `driven`."""
         return self
 
     def with_bodies(self, parameters: Array, terms: Sequence[Term]) -> Array:
         """Standard model parameters with the contributions of terms added to the bodies, shape (X,)."""
         return parameters
 
-    def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
-        """Whether rows linearised at the first parameters, (X,), are valid at the second with these terms."""
+    def driven(self, terms: Sequence[Term], changes: Array) -> Array:
+        """What terms driven by the torque and by friction contribute to each joint, (2, n).
+
+        Args:
+            terms: the terms.
+            changes: of their parameters in the linearised rows, shape (P,).
+        """
+        return np.zeros((2, self.size.size))
+
+    def is_near(
+        self, one: Array, other: Array, driven: Array | None = None, *, whatever_delays: bool = False
+    ) -> bool:
+        """Whether rows linearised at the first parameters are valid at the second, shape (X,) each."""
         return True
 
     def cut(self, terms: Sequence[Term]) -> Array:

@@ -26,15 +26,18 @@ V = TypeVar("V", bound=_Sized)
 
 
 class Kept(Generic[V]):
-    """Cache of the arrays computed last; the oldest ones are dropped beyond `MOST` numbers."""
+    """Cache of the arrays used last; those not used for longest are dropped beyond `MOST` numbers."""
 
     def __init__(self) -> None:
         self._values: dict[Hashable, V] = {}
         self._size = 0
 
     def get(self, key: Hashable) -> V | None:
-        """The cached value of a key, or None."""
-        return self._values.get(key)
+        """The cached value of a key, which counts as used now, or None."""
+        if key not in self._values:
+            return None
+        found = self._values[key] = self._values.pop(key)
+        return found
 
     def keep(self, key: Hashable, value: V) -> V:
         """Cache a value, replacing an earlier one of the same key."""

@@ -85,25 +85,28 @@ class Search(Generic[D]):
     def about(self, fit: Fit) -> D:
         """The rows linearised at a fit: torques shifted by its delays, links vibrating with its masses."""
         parameters = self.data.with_bodies(fit.parameters, fit.hypothesis.terms)
-        for data in (self.data, *self._others):
-            if data.is_near(parameters, data.about_numbers, fit.hypothesis.terms):
+        every = (self.data, *self._others)
+        for data in every:
+            if data.is_near(parameters, data.about_numbers, fit.driven):
                 return data
-        self._others = [*self._others[1 - KEPT :], self.data.about(parameters)]
+        like = (d for d in every if d.is_near(parameters, d.about_numbers, fit.driven, whatever_delays=True))
+        self._others = [*self._others[1 - KEPT :], next(like, self.data).about(parameters, fit.driven)]
         return self._others[-1]
 
-    def settled(self, fit: Fit, *, whole: bool = True) -> Fit:
+    def settled(self, fit: Fit, place: str | None = None) -> Fit:
         """Refit with rows linearised at the fit's own parameters until these settle, and store the result.
 
         Args:
             fit: the starting point.
-            whole: whether to estimate all parameters together if some of the terms' were held fixed.
+            place: joint where the fit differs from a settled one; terms at other joints keep their non-linear
+                parameters. If None, all parameters are estimated together.
         """
         for _ in range(SETTLING):
             parameters = self.data.with_bodies(fit.parameters, fit.hypothesis.terms)
-            near = self.data.is_near(parameters, fit.about, fit.hypothesis.terms)
-            if near and not (whole and fit.partial):
+            near = self.data.is_near(parameters, fit.about, fit.driven)
+            if near and not (place is None and fit.partial):
                 break
-            fit = fitted(self.about(fit), fit.hypothesis, fit)
+            fit = fitted(self.about(fit), fit.hypothesis, fit, place)
         return self.keep(fit)
 
     @property
@@ -140,9 +143,8 @@ class Search(Generic[D]):
         """
         stored = self.made.get(hypothesis.key)
         if stored is not None:
-            terms = start.hypothesis.terms
-            parameters = self.data.with_bodies(start.parameters, terms)
-            if self.data.is_near(parameters, stored.about, terms):
+            parameters = self.data.with_bodies(start.parameters, start.hypothesis.terms)
+            if self.data.is_near(parameters, stored.about, start.driven):
                 return stored
         made = make()
         return made if stored is None or self.gain(made) > self.gain(stored) else self.keep(stored)

@@ -333,7 +333,7 @@ def _pruned(state: Search[Any], best: Fit) -> Fit:
 def _without(state: Search[Any], best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
     return state.known(
-        hypothesis, best, lambda: state.settled(_fitted(state, hypothesis, best, term.joint), whole=False)
+        hypothesis, best, lambda: state.settled(_fitted(state, hypothesis, best, term.joint), term.joint)
     )
 
 
@@ -462,6 +462,8 @@ def _with_parameter_source(state: Search[Any], hypothesis: Hypothesis, start: Fi
 
     def make() -> Fit:
         made = with_other_file_parameters(state.about(start), hypothesis, start)
-        return state.settled(made) if name.endswith(TIMING) else state.keep(made)
+        if not isinstance(name, str) or not name.endswith(TIMING):
+            return state.keep(made)
+        return state.settled(made, None if name == TIMING else name.split(".")[0])
 
     return state.known(hypothesis, start, make)

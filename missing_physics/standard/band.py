@@ -9,6 +9,7 @@ zero-phase filter, and only as many samples are kept as the band requires.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +135,7 @@ class BandMotion:
         """Apply the position filter along the first axis."""
         return low_passed(values, rate=self.rate, cutoff=self.smoothing)
 
-    @property
+    @cached_property
     def smooth_torque(self) -> Array:
         """Torque after the position filter, shape (N, n); NaN columns where not recorded."""
         known = np.isfinite(self.torque).all(axis=0)

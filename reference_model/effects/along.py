@@ -63,6 +63,10 @@ class EffectAlong:
         """Members of `JointSignals.CHANNELS` on which the contribution depends."""
         return self._formulas.channels
 
+    def channels_without(self, zero: frozenset[str]) -> frozenset[str]:
+        """`channels` if these parameters are zero."""
+        return self._formulas.channels_without(zero)
+
     def torque(
         self, signals: Array, parameters: Mapping[str, float], *, transition: float | None = None
     ) -> Array:

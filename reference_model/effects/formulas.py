@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import casadi as ca
 
@@ -50,14 +50,24 @@ class Formulas:
         torque = effect.torque(signals, symbols, self._z)
         self.torque = Batched(self._row_function(torque))
         rate = effect.state_rate(signals, symbols, self._z) if effect.states else ca.SX(0, 1)
-        used = ca.which_depends(ca.vertcat(torque, rate), self._row, 1, False)
-        self.channels = frozenset(name for name, uses in zip(JointSignals.CHANNELS, used) if uses)
+        self._symbols, self._laws = symbols, ca.vertcat(torque, rate)
+        self.channels = self.channels_without(frozenset())
         by_free = ca.jacobian(torque, self._free)
         if effect.states:
             self._compile_steps(self._row_function(rate), torque, by_free)
             self._compile_first(effect.initial_state(signals, symbols))
         elif self._free.shape[0]:
             self.jacobian = Batched(self._row_function(torque, by_free.T))
+
+    @cache  # noqa: B019  formulas are cached for the process's lifetime, too
+    def channels_without(self, zero: frozenset[str]) -> frozenset[str]:
+        """Signals on which the contribution depends if these parameters are zero."""
+        laws = self._laws
+        if zero:
+            symbols = ca.vertcat(*(self._symbols[name] for name in sorted(zero)))
+            laws = ca.simplify(ca.substitute(laws, symbols, ca.SX.zeros(symbols.shape)))
+        used = ca.which_depends(laws, self._row, 1, False)
+        return frozenset(name for name, uses in zip(JointSignals.CHANNELS, used) if uses)
 
     def _compile_first(self, first: ca.SX) -> None:
         by_free = ca.vec(ca.densify(ca.jacobian(first, self._free)))

@@ -23,7 +23,7 @@ from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.model import RobotModel
 
-__all__ = ["KeptColumns", "added_to_bodies", "columns_of", "cut"]
+__all__ = ["Columns", "KeptColumns", "added_to_bodies", "columns_of", "cut"]
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
@@ -35,12 +35,14 @@ SIDES = 3
 LEAST = 0.05
 #: Index of the torque among the signals of a joint.
 TORQUE = JointSignals.CHANNELS.index("torque")
+#: Signals of a joint that follow from its recorded motion.
+RECORDED = frozenset(("time", "position", "velocity", "acceleration", "temperature"))
 #: A torque counts as saturated where at least this fraction is missing [-]: more than at its rounded corner.
 CUT = 0.01
 
 
 @dataclass(frozen=True)
-class _Columns:
+class Columns:
     """Columns of a term along a recording at the joints it affects; zero where nothing is compared.
 
     Attributes:
@@ -58,11 +60,11 @@ class _Columns:
         """Number of cached values."""
         return self.values.size
 
-    def moved(self, linear_values: Array) -> _Columns:
+    def moved(self, linear_values: Array) -> Columns:
         """The columns for other values of the linear parameters, where all parameters are linear."""
         found = self.values.copy()
         found[:, :, 0] += self.values[:, :, 1:] @ (linear_values - self.linear_values)
-        return _Columns(linear_values, self.active, found)
+        return Columns(linear_values, self.active, found)
 
 
 class KeptColumns:
@@ -72,11 +74,13 @@ class KeptColumns:
 
     Args:
         runs: the recordings.
+        common: cache for all linearisations of these recordings: of columns that depend on the motion only.
+        undelayed: cache for all delays in this linearisation: of columns without the recorded torques.
     """
 
-    def __init__(self, runs: Sequence[Run]) -> None:
-        self._runs = runs
-        self._kept = Kept[_Columns]()
+    def __init__(self, runs: Sequence[Run], common: Kept[Columns], undelayed: Kept[Columns]) -> None:
+        self._runs, self._common, self._undelayed = runs, common, undelayed
+        self._own = Kept[Columns]()
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
         """The joints that a term affects, and its columns there, zero where nothing is compared.
@@ -91,7 +95,7 @@ class KeptColumns:
         kept = self._known(term, run)
         if kept is None:
             self.prepare([term], run)
-            kept = self._kept.get(_key(term, run))
+            kept = self._cache(term, run).get(_key(term, run))
             assert kept is not None
         return kept.active, kept.values
 
@@ -101,7 +105,9 @@ class KeptColumns:
         made = _columns_of_each(tuple(missing.values()), self._runs[run], run)
         for (key, term), (active, values) in zip(missing.items(), made):
             counted = self._runs[run].rows.counted[:, active, None]
-            self._kept.keep(key, _Columns(_linear_values(term), active, np.where(counted, values, 0.0)))
+            self._cache(term, run).keep(
+                key, Columns(_linear_values(term), active, np.where(counted, values, 0.0))
+            )
 
     def contributed(self, terms: Sequence[Term], run: int) -> Array:
         """Sum of the torques of terms in one recording, zero where nothing is compared, shape (K, n)."""
@@ -119,22 +125,40 @@ class KeptColumns:
         found += own.rows.vibration.removed(more)
         return np.where(own.rows.counted, found, 0.0)
 
-    def _known(self, term: Term, run: int) -> _Columns | None:
+    def _known(self, term: Term, run: int) -> Columns | None:
         """The columns of a term if they are cached or follow from cached columns."""
-        kept, linear_values = self._kept.get(_key(term, run)), _linear_values(term)
-        if kept is None or np.array_equal(linear_values, kept.linear_values):
+        kept = self._cache(term, run).get(_key(term, run))
+        if kept is None:
+            return None
+        linear_values = _linear_values(term)
+        if np.array_equal(linear_values, kept.linear_values):
             return kept
         if not all(map(term.is_linear, term.free)):  # other derivatives scale with linear parameters
             return None
         return kept.moved(linear_values)
 
+    def _cache(self, term: Term, run: int) -> Kept[Columns]:
+        if _is_of_motion(term, self._runs[run]):
+            return self._common
+        return self._own if term.effect.cuts_torque else self._undelayed
+
+
+def _is_of_motion(term: Term, run: Run) -> bool:
+    """Whether columns depend on the recorded motion only, and so not on the linearisation."""
+    if run.along.response is not None or run.along.inner is not None:  # the motion depends on the masses
+        return False
+    if not _is_at_joint(term, run):
+        return isinstance(term.effect, BodyEffect | ForceEffect)
+    if term.effect.cuts_torque:
+        return False
+    free = {p.name for p in term.free}
+    zero = frozenset(name for name, value in term.parameters.items() if value == 0.0 and name not in free)
+    return _along_joint(term, run, _place(run, term.at)).channels_without(zero) <= RECORDED
+
 
 def _key(term: Term, run: int) -> tuple[object, ...]:
-    """Cache key, equal for terms that differ only in their free linear parameters."""
-    free = {p.name for p in term.free}
-    held = (p.name not in free or not term.is_linear(p) for p in term.effect.parameters)
-    bent = tuple(v for v, is_held in zip(term.values, held) if is_held)
-    return *term.key, term.run, bent, run, term.freed
+    """Cache key of the columns of a term in one recording."""
+    return *term.shape, run
 
 
 def _linear_values(term: Term) -> Array:

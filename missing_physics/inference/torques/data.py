@@ -19,9 +19,10 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses import TIMING, Candidate, Hypothesis, Term, candidates
 from missing_physics.inference.data import Data, blocks_of
-from missing_physics.inference.torques.columns import KeptColumns, added_to_bodies, cut
+from missing_physics.inference.kept import Kept
+from missing_physics.inference.torques.columns import Columns, KeptColumns, added_to_bodies, cut
 from missing_physics.inference.torques.places import places
-from missing_physics.inference.torques.runs import Run, about, runs_of
+from missing_physics.inference.torques.runs import Run, about, delayed, runs_of
 from missing_physics.inference.torques.touched import at_links
 from missing_physics.standard import MODEL_ERROR, StandardModel
 from missing_physics.standard.fit import design_of, least_rms
@@ -57,10 +58,14 @@ class TorqueData(Data):
     Attributes:
         standard: the standard model at which everything is linearised.
         runs: recordings, the fitted ones first.
+        common: columns of terms that depend on the motion only, cached for all linearisations.
+        undelayed: those that do not depend on the recorded torques, cached for all delays.
     """
 
     standard: StandardModel
     runs: tuple[Run, ...]
+    common: Kept[Columns] = field(default_factory=Kept, repr=False)
+    undelayed: Kept[Columns] = field(default_factory=Kept, repr=False)
     _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -115,19 +120,26 @@ class TorqueData(Data):
         """Least rms residual of each joint in a fit, shape (n,)."""
         return least_rms([run.rows for run in self.runs])
 
-    def about(self, parameters: Array) -> Self:
+    def about(self, parameters: Array, driven: Array | None = None) -> Self:
         """The same rows, linearised at other parameters of the standard model and shifted by their delays.
 
         Args:
             parameters: of the standard model, shape (X,).
+            driven: see `driven`. Where what such terms contribute hardly differs, only delays are changed;
+                None to linearise everything again.
         """
+        near = driven is not None and self.is_near(
+            parameters, self.about_numbers, driven, whatever_delays=True
+        )
+        if near:
+            return replace(self, runs=tuple(delayed(run, parameters) for run in self.runs))
         along, estimate = parameters.copy(), self.standard.estimate.values
         for one in self.given:  # keep the friction that a law replaces in the torque that the motion needs
             for name, value in one.held:
                 place = self.layout.names.index(name)
                 along[place] = estimate[place] if parameters[place] == value else parameters[place]
         runs = tuple(about(run, along) for run in self.runs)
-        return replace(self, runs=runs, designs=_designs(runs))
+        return replace(self, runs=runs, designs=_designs(runs), undelayed=Kept())
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
@@ -153,12 +165,40 @@ class TorqueData(Data):
                     found[self.layout.names.index(name)] += term.values[0]
         return found
 
-    def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
+    def driven(self, terms: Sequence[Term], changes: Array) -> Array:
+        """What terms driven by the torque and by friction contribute to each joint, shape (2, n).
+
+        The rms of each term in the fitted rows, summed over terms.
+
+        Args:
+            terms: the terms.
+            changes: of their parameters in the linearised rows, shape (P,).
+        """
+        found, first = np.zeros((2, self.size.size)), 0
+        for term in terms:
+            change = changes[first : first + len(term.free)]
+            first += len(term.free)
+            if term.at not in self.joints or not (term.effect.uses_torque or term.effect.is_modifier):
+                continue
+            columns = [self.terms.acting(term, i)[1] for i in range(self.fitted)]
+            values = np.concatenate([(own[:, :, 0] + own[:, :, 1:] @ change).ravel() for own in columns])
+            k, by_friction = self.joints.index(term.at), int(term.effect.is_modifier)
+            found[by_friction, k] += np.sqrt(np.mean(values**2)) if values.size else 0.0
+        return found
+
+    def is_near(
+        self, one: Array, other: Array, driven: Array | None = None, *, whatever_delays: bool = False
+    ) -> bool:
         """Whether rows linearised at the first parameters are valid at the second, shape (X,) each.
 
         The delays must be nearly equal. The motion of a free base and flexible links depends on the masses,
-        and some effects are driven by the torque that the motion needs, or by friction. In these cases the
-        difference must change the torques by less than the noise and the error of any model.
+        and some effects are driven by the torque that the motion needs, or by friction. What they contribute
+        must change by less than the noise and the error of any model.
+
+        Args:
+            one, other: the parameters.
+            driven: see above; None without such terms.
+            whatever_delays: whether delays may differ.
         """
         angle = (
             2.0
@@ -166,16 +206,36 @@ class TorqueData(Data):
             * self.runs[0].motion.cutoff
             * np.abs(self.delays_of(one) - self.delays_of(other)).max()
         )
-        if angle >= SAME:
+        if angle >= SAME and not whatever_delays:
             return False
-        driven = {t.at for t in terms if t.effect.uses_torque or t.effect.is_modifier}
-        joints = np.array([self.follows or joint in driven for joint in self.joints])
-        if not joints.any():
-            return True
-        count = len(self.runs[0].model.inertial_names) - 3 if self.follows else one.size
-        apart = [design[:, joints, :count] @ (one - other)[:count] for design in self.designs]
-        change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
-        return bool(np.all(change < np.minimum(self.error, self.noise)[joints]))
+        first, joints = len(self.runs[0].model.inertial_names), self.size.size * len(FRICTION)
+        change = np.zeros_like(self.size)
+        if self.follows:
+            apart = [design[:, :, : first - 3] @ (one - other)[: first - 3] for design in self.designs]
+            change += np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
+        whole = slice(first - 3 if self.follows else one.size), slice(first, first + joints)
+        for own, contributed in zip(whole, () if driven is None else driven):
+            change += contributed * self._relative_change(one, other, own, contributed > 0.0)
+        return bool(np.all(change <= np.minimum(self.error, self.noise)))
+
+    def _relative_change(self, one: Array, other: Array, own: slice, where: Mask) -> Array:
+        """Largest relative change of the torques, of their rates or of the second derivatives, shape (n,).
+
+        Args:
+            one, other: parameters of the standard model.
+            own: those that count.
+            where: joints that count, shape (n,).
+        """
+        found = np.zeros_like(self.size)
+        for design in self.designs if where.any() else ():
+            columns = design[:, where, own]
+            torque, apart = columns @ one[own], columns @ (one - other)[own]
+            for _ in range(3):  # twist and lag are driven by the derivatives
+                scale = np.maximum(np.mean(torque**2, axis=0), np.finfo(float).tiny)
+                relative = np.sqrt(np.mean(apart**2, axis=0) / scale)
+                found[where] = np.maximum(found[where], relative)
+                torque, apart = np.diff(torque, axis=0), np.diff(apart, axis=0)
+        return found
 
     @property
     def follows(self) -> bool:
@@ -195,7 +255,7 @@ class TorqueData(Data):
     @cached_property
     def terms(self) -> KeptColumns:
         """Columns of terms along the recordings."""
-        return KeptColumns(self.runs)
+        return KeptColumns(self.runs, self.common, self.undelayed)
 
     def nominal(self, run: int) -> Array:
         """Torques predicted by the robot file in one recording, zero where nothing is compared, (K, n)."""

@@ -83,9 +83,7 @@ def _joint_torques(run: Run, unit: _Unit, value: float) -> Array:
 
 def _unit(run: Run, effect: StructureEffect, link: str) -> _Unit:
     key = effect.id, link
-    if key not in run.reshaped:
-        run.reshaped[key] = _made(run, effect, link)
-    found = run.reshaped[key]
+    found: object = run.part(key, lambda: _made(run, effect, link))
     assert isinstance(found, _Unit)
     return found
 
