@@ -105,6 +105,7 @@ peers: $(PEERS)
 	$(BIN)/python -m benchmarks.peers.study
 
 evidence: $(STAMP)
+	$(BIN)/python -m benchmarks.speed.diagnosis_time
 	$(BIN)/python -m benchmarks.speed.long_recording
 	$(BIN)/python -m benchmarks.friction.study
 	$(BIN)/python -m benchmarks.machines.readme

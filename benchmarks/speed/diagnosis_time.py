@@ -27,7 +27,7 @@ from missing_physics.recordings.datasets import find_dataset
 from reference_model.simulation import simulate
 from robot_model import EffectUse, MultiSine, Recording, Reference, Robot, write_atomically
 
-__all__ = ["CASES", "Case", "Stages", "main", "measured", "page"]
+__all__ = ["CASES", "Case", "Stages", "main", "measured", "page", "recorded_chain"]
 
 COMMAND = "python -m benchmarks.speed.diagnosis_time"
 PAGE = EVIDENCE / "diagnosis_time.md"
@@ -58,9 +58,12 @@ FIRST = "checks of robot and recordings"
 class Stages:
     """Times the stages of a diagnosis by the phrases of its progress."""
 
+    clock: Callable[[], float] = time.monotonic
     seconds: dict[str, float] = field(default_factory=dict)
     running: str = FIRST
-    since: float = field(default_factory=time.monotonic)
+
+    def __post_init__(self) -> None:
+        self._since = self.clock()
 
     def __call__(self, phrase: str) -> None:
         """End the running stage if `phrase` begins another one."""
@@ -71,9 +74,9 @@ class Stages:
 
     def end(self, following: str = "") -> None:
         """Add the time since the last stage began to the running one."""
-        now = time.monotonic()
-        self.seconds[self.running] = self.seconds.get(self.running, 0.0) + now - self.since
-        self.running, self.since = following, now
+        now = self.clock()
+        self.seconds[self.running] = self.seconds.get(self.running, 0.0) + now - self._since
+        self.running, self._since = following, now
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,9 @@ class Case:
     made: Callable[[], tuple[Robot, list[Recording], list[Recording]]]
 
 
-def _chain(joints: int, seconds: float, rate: float) -> tuple[Robot, list[Recording], list[Recording]]:
+def recorded_chain(
+    joints: int, seconds: float, rate: float
+) -> tuple[Robot, list[Recording], list[Recording]]:
     """A chain whose joints have friction that its file lacks, and its recording by the reference model."""
     motion = tuple(
         MultiSine(
@@ -117,9 +122,9 @@ def _machine(name: str) -> tuple[Robot, list[Recording], list[Recording]]:
 REAL = ("emps", "kuka_kr300", "kinova_gen3")
 #: Every case by its name.
 CASES = {
-    "six": Case("simulated, 6 joints, 60 s at 100 Hz", 30.0, lambda: _chain(6, 60.0, 100.0)),
-    "seven": Case("simulated, 7 joints, 60 s at 100 Hz", 30.0, lambda: _chain(7, 60.0, 100.0)),
-    "seven_fast": Case("simulated, 7 joints, 20 s at 1 kHz", 60.0, lambda: _chain(7, 20.0, 1000.0)),
+    "six": Case("simulated, 6 joints, 60 s at 100 Hz", 30.0, lambda: recorded_chain(6, 60.0, 100.0)),
+    "seven": Case("simulated, 7 joints, 60 s at 100 Hz", 30.0, lambda: recorded_chain(7, 60.0, 100.0)),
+    "seven_fast": Case("simulated, 7 joints, 20 s at 1 kHz", 60.0, lambda: recorded_chain(7, 20.0, 1000.0)),
     "emps": Case("EMPS, 1 joint, 50 s at 1 kHz", 10.0, lambda: _machine("emps")),
     "kuka_kr300": Case("KUKA KR300, 6 joints at 100 Hz", 30.0, lambda: _machine("kuka_kr300")),
     "kinova_gen3": Case("Kinova Gen3, 7 joints, 48 s at 1 kHz", 60.0, lambda: _machine("kinova_gen3")),

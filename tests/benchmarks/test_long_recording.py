@@ -1,7 +1,11 @@
-"""The page on one minute at 1 kHz, made from one second."""
+"""The pages on the time of diagnoses and on one minute at 1 kHz, made from a few seconds."""
 
 from pathlib import Path
 
+import pytest
+
+from benchmarks.speed import diagnosis_time
+from benchmarks.speed.diagnosis_time import CASES, FIRST, STAGES, Case, Stages, measured
 from benchmarks.speed.long_recording import answer_facts, page, recorded, timed
 from missing_physics.recordings import load_recording
 from robot_model import load_robot
@@ -45,3 +49,28 @@ def test_the_page_lists_truth_next_to_names_and_the_unsearched_effects() -> None
     assert "every effect of the" not in text.replace("Not every effect of the", "")
     found["not_searched"] = []
     assert "Not every effect" not in page(found, hidden, seconds=2.0, samples=2001)
+
+
+def test_stages_begin_with_their_phrases() -> None:
+    now = iter([0.0, 1.0, 3.0, 6.0])
+    stages = Stages(lambda: next(now))
+    stages("fitting the standard model")
+    stages("Coulomb friction at joint1")  # within that stage
+    stages("weighing hypotheses")
+    stages.end()
+    standard, weighing = STAGES["fitting the standard model"], STAGES["weighing hypotheses"]
+    assert stages.seconds == {FIRST: 1.0, standard: 2.0, weighing: 3.0}
+
+
+def test_a_short_diagnosis_is_measured_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    short = Case("two joints, 6 s", 1e-9, lambda: diagnosis_time.recorded_chain(2, 6.0, 100.0))
+    monkeypatch.setitem(CASES, "short", short)
+    times = measured("short")
+    assert times["samples"] == 601
+    assert times["duration"] == pytest.approx(6.0)
+    assert sum(times["stages"].values()) == pytest.approx(times["wall"], rel=0.05, abs=0.05)
+    assert set(times["stages"]) <= {FIRST, *STAGES.values()}
+    text = diagnosis_time.page([times], ["another machine"])
+    assert "| two joints, 6 s | 6 | 601 |" in text
+    assert "Goals of time missed: two joints, 6 s." in text
+    assert "Not here, so not timed: another machine." in text

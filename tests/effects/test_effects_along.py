@@ -215,3 +215,27 @@ def test_a_chain_uses_the_cheap_step_only_where_it_is_valid() -> None:
         rows = np.column_stack([rng.normal(size=1000), marks])
         first, fixed = np.array([0.3, -0.2]), np.array([0.9])
         np.testing.assert_array_equal(Scan(step, easy)(first, rows, fixed), Scan(step)(first, rows, fixed))
+
+
+@pytest.mark.parametrize("effect", JOINT, ids=named)
+def test_signals_that_an_effect_does_not_use_do_not_change_it(effect: JointEffect) -> None:
+    """With the parameters zero that a robot file need not state, such as shares of the bearing's load."""
+    along = EffectAlong(effect, gear_ratio=100.0, bearing_arms=ARMS, transition=1e-2)
+    zero = frozenset(p.name for p in effect.parameters if p.default == 0.0)
+    signals, parameters = motion(), {**typical(effect), **dict.fromkeys(zero, 0.0)}
+    used = along.channels_without(zero)
+    assert used <= along.channels
+    other = signals.copy()
+    for k, name in enumerate(JointSignals.CHANNELS):
+        if name not in used and name != "time":  # states depend on time without a law's saying so
+            other[:, k] *= 1.7
+    np.testing.assert_array_equal(along.torque(signals, parameters), along.torque(other, parameters))
+
+
+def test_friction_without_a_share_of_the_load_needs_no_load() -> None:
+    lugre = EffectAlong(get_effect("lugre_friction"), bearing_arms=ARMS)
+    shares = frozenset(("load_coefficient",))
+    zero = frozenset(p.name for p in lugre.effect.parameters if p.default == 0.0)
+    assert "radial_sum" in lugre.channels
+    assert "radial_sum" in lugre.channels_without(shares)
+    assert lugre.channels_without(zero) == {"velocity"}

@@ -75,6 +75,36 @@ def test_linear_parameters_scale_the_first_column_only(data: TorqueData, terms: 
     assert after == pytest.approx(fresh, rel=1e-9, abs=1e-12)
 
 
+def test_linearisations_share_only_columns_that_are_the_same(data: TorqueData, terms: list[Term]) -> None:
+    """Columns for other masses, friction and delays, after those of the first linearisation were cached."""
+    every = [*terms, Term.of(get_effect("actuator_lag"), "joint", {"time_constant": 0.01})]
+    data.terms.prepare(every, 0)
+    other = data.start.copy()
+    other[data.layout.names.index("link.inertia.zz")] *= 1.5
+    other[data.layout.names.index("joint.coulomb")] += 0.2
+    heavier = data.about(other)
+    later = heavier.about(other + np.eye(other.size)[-1] * 4e-3, heavier.driven((), np.zeros(0)))
+    assert later.designs is heavier.designs
+    assert not np.allclose(later.runs[0].torque, heavier.runs[0].torque, atol=1e-3)
+    for here in (heavier, later):
+        counted = here.runs[0].rows.counted[:, :, None]
+        for term in every:
+            alone = np.where(counted, columns_of(term, here.runs[0], 0), 0.0)
+            assert here.columns(term, 0) == pytest.approx(alone, rel=1e-12, abs=1e-15)
+    lag = every[-1]
+    assert not np.allclose(heavier.columns(lag, 0), data.columns(lag, 0), atol=1e-3)
+
+
+def test_rows_are_near_while_what_the_torque_drives_hardly_changes(data: TorqueData) -> None:
+    """A lag contributes in proportion to the torque: 2 % more where inertia and friction are 2 % larger."""
+    other, place = data.start.copy(), slice(0, data.runs[0].parameters.size)
+    other[place] *= 1.02
+    least = float(np.minimum(data.error, data.noise)[0])
+    for contributed, near in ((0.9 * least / 0.02, True), (1.1 * least / 0.02, False)):
+        assert data.is_near(other, data.start, np.array([[contributed], [0.0]])) == near
+    assert data.is_near(other, data.start, np.zeros((2, 1)))
+
+
 @pytest.mark.parametrize("gain", [0.13, -0.1])
 def test_torque_gain_is_relative_to_the_commanded_torque(data: TorqueData, gain: float) -> None:
     """The motion needs (1 + gain) u, so that u lacks gain / (1 + gain) of it."""
