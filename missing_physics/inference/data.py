@@ -195,8 +195,8 @@ class Data(ABC):
         """Standard model parameters at which the rows are linearised, shape (X,)."""
         return np.zeros_like(self.file_values)
 
-    def about(self, parameters: Array, driven: Array | None = None) -> Self:
-        """The same rows, linearised at other parameters of the standard model, shape (X,); see `driven`."""
+    def about(self, parameters: Array) -> Self:
+        """The same rows, linearised at other parameters of the standard model, shape (X,)."""
         return self
 
     def with_bodies(self, parameters: Array, terms: Sequence[Term]) -> Array:
@@ -212,9 +212,7 @@ class Data(ABC):
         """
         return np.zeros((2, self.size.size))
 
-    def is_near(
-        self, one: Array, other: Array, driven: Array | None = None, *, whatever_delays: bool = False
-    ) -> bool:
+    def is_near(self, one: Array, other: Array, driven: Array | None = None) -> bool:
         """Whether rows linearised at the first parameters are valid at the second, shape (X,) each."""
         return True
 

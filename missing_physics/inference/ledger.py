@@ -85,28 +85,25 @@ class Search(Generic[D]):
     def about(self, fit: Fit) -> D:
         """The rows linearised at a fit: torques shifted by its delays, links vibrating with its masses."""
         parameters = self.data.with_bodies(fit.parameters, fit.hypothesis.terms)
-        every = (self.data, *self._others)
-        for data in every:
+        for data in (self.data, *self._others):
             if data.is_near(parameters, data.about_numbers, fit.driven):
                 return data
-        like = (d for d in every if d.is_near(parameters, d.about_numbers, fit.driven, whatever_delays=True))
-        self._others = [*self._others[1 - KEPT :], next(like, self.data).about(parameters, fit.driven)]
+        self._others = [*self._others[1 - KEPT :], self.data.about(parameters)]
         return self._others[-1]
 
-    def settled(self, fit: Fit, place: str | None = None) -> Fit:
+    def settled(self, fit: Fit, *, whole: bool = True) -> Fit:
         """Refit with rows linearised at the fit's own parameters until these settle, and store the result.
 
         Args:
             fit: the starting point.
-            place: joint where the fit differs from a settled one; terms at other joints keep their non-linear
-                parameters. If None, all parameters are estimated together.
+            whole: whether to estimate all parameters together if some of the terms' were held fixed.
         """
         for _ in range(SETTLING):
             parameters = self.data.with_bodies(fit.parameters, fit.hypothesis.terms)
             near = self.data.is_near(parameters, fit.about, fit.driven)
-            if near and not (place is None and fit.partial):
+            if near and not (whole and fit.partial):
                 break
-            fit = fitted(self.about(fit), fit.hypothesis, fit, place)
+            fit = fitted(self.about(fit), fit.hypothesis, fit)
         return self.keep(fit)
 
     @property

@@ -333,7 +333,7 @@ def _pruned(state: Search[Any], best: Fit) -> Fit:
 def _without(state: Search[Any], best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.less(term)
     return state.known(
-        hypothesis, best, lambda: state.settled(_fitted(state, hypothesis, best, term.joint), term.joint)
+        hypothesis, best, lambda: state.settled(_fitted(state, hypothesis, best, term.joint), whole=False)
     )
 
 
@@ -360,29 +360,52 @@ def _changed_terms(fit: Fit) -> tuple[Term, ...]:
 
 
 def _compared_with_rivals(state: Search[Any], best: Fit, progress: Progress | None) -> Fit:
-    """The best fit after comparing every effect with its best rivals until no exchange improves the score."""
+    """The best fit after comparing every effect with its best rivals until no exchange improves the score.
+
+    After an exchange, effects that interact with it are compared first; in the end all are, with one fit.
+    """
+    compared: set[tuple[object, ...]] = set()
     for _ in range(MOST):
-        for term in _changed_terms(best):
-            less = _without(state, best, term)
-            for name in state.data.delays:  # a delay is a parameter, not a term
-                if name in less.hypothesis.from_file and _delay_may_explain(state, name, term):
-                    _with_estimated(state, less, name)
-            every = _screened(state, less, term)
-            screened = [one for one in _leading(every) if one.candidate.term.key != term.key]
-            close = [one for one in screened if one.gain > screened[0].gain - CLOSE]
-            same = [one for one in every if _has_other_signal(one.candidate.term, term)]
-            for option in (*screened[: max(RIVALS, min(len(close), 2 * RIVALS))], *same):
-                hypothesis = option.candidate.added_to(less.hypothesis)
-                if option.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
-                    _try_candidate(state, option.candidate, hypothesis, less)
+        every = {_surroundings(state, best, term): term for term in _changed_terms(best)}
+        fresh = every.keys() - compared
+        for key, term in every.items():
+            if key in fresh:
+                _compare_with_rivals(state, best, term)
+        compared |= fresh
         _exchange_parameters(state, best)
         if progress:
             progress("comparing effects with their rivals")
         top = state.settled(state.best)
-        if top is best:
+        if top is best and len(fresh) == len(every):
             break
+        if top is best:
+            compared.clear()
         best = top
     return best
+
+
+def _compare_with_rivals(state: Search[Any], best: Fit, term: Term) -> None:
+    """Fit the best rivals of one effect, and the delays that may replace it."""
+    less = _without(state, best, term)
+    for name in state.data.delays:  # a delay is a parameter, not a term
+        if name in less.hypothesis.from_file and _delay_may_explain(state, name, term):
+            _with_estimated(state, less, name)
+    every = _screened(state, less, term)
+    screened = [one for one in _leading(every) if one.candidate.term.key != term.key]
+    close = [one for one in screened if one.gain > screened[0].gain - CLOSE]
+    same = [one for one in every if _has_other_signal(one.candidate.term, term)]
+    for option in (*screened[: max(RIVALS, min(len(close), 2 * RIVALS))], *same):
+        hypothesis = option.candidate.added_to(less.hypothesis)
+        if option.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
+            _try_candidate(state, option.candidate, hypothesis, less)
+
+
+def _surroundings(state: Search[Any], fit: Fit, term: Term) -> tuple[object, ...]:
+    """Key of a term and those that interact with it: at its joint, or at no single joint."""
+    others = fit.hypothesis.terms
+    near = (one for one in others if one.joint == term.joint or not _is_local(state, one))
+    keys = sorted((*one.key, one.along, *sorted(one.freed), *one.added) for one in near)
+    return (*term.key, term.run, term.along, *keys)
 
 
 def _exchange_parameters(state: Search[Any], best: Fit) -> None:
@@ -462,8 +485,6 @@ def _with_parameter_source(state: Search[Any], hypothesis: Hypothesis, start: Fi
 
     def make() -> Fit:
         made = with_other_file_parameters(state.about(start), hypothesis, start)
-        if not isinstance(name, str) or not name.endswith(TIMING):
-            return state.keep(made)
-        return state.settled(made, None if name == TIMING else name.split(".")[0])
+        return state.settled(made) if name.endswith(TIMING) else state.keep(made)
 
     return state.known(hypothesis, start, make)

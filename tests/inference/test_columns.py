@@ -83,8 +83,7 @@ def test_linearisations_share_only_columns_that_are_the_same(data: TorqueData, t
     other[data.layout.names.index("link.inertia.zz")] *= 1.5
     other[data.layout.names.index("joint.coulomb")] += 0.2
     heavier = data.about(other)
-    later = heavier.about(other + np.eye(other.size)[-1] * 4e-3, heavier.driven((), np.zeros(0)))
-    assert later.designs is heavier.designs
+    later = data.about(other + np.eye(other.size)[-1] * 4e-3)
     assert not np.allclose(later.runs[0].torque, heavier.runs[0].torque, atol=1e-3)
     for here in (heavier, later):
         counted = here.runs[0].rows.counted[:, :, None]

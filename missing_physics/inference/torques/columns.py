@@ -75,11 +75,10 @@ class KeptColumns:
     Args:
         runs: the recordings.
         common: cache for all linearisations of these recordings: of columns that depend on the motion only.
-        undelayed: cache for all delays in this linearisation: of columns without the recorded torques.
     """
 
-    def __init__(self, runs: Sequence[Run], common: Kept[Columns], undelayed: Kept[Columns]) -> None:
-        self._runs, self._common, self._undelayed = runs, common, undelayed
+    def __init__(self, runs: Sequence[Run], common: Kept[Columns]) -> None:
+        self._runs, self._common = runs, common
         self._own = Kept[Columns]()
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
@@ -138,9 +137,7 @@ class KeptColumns:
         return kept.moved(linear_values)
 
     def _cache(self, term: Term, run: int) -> Kept[Columns]:
-        if _is_of_motion(term, self._runs[run]):
-            return self._common
-        return self._own if term.effect.cuts_torque else self._undelayed
+        return self._common if _is_of_motion(term, self._runs[run]) else self._own
 
 
 def _is_of_motion(term: Term, run: Run) -> bool:

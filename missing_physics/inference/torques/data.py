@@ -22,7 +22,7 @@ from missing_physics.inference.data import Data, blocks_of
 from missing_physics.inference.kept import Kept
 from missing_physics.inference.torques.columns import Columns, KeptColumns, added_to_bodies, cut
 from missing_physics.inference.torques.places import places
-from missing_physics.inference.torques.runs import Run, about, delayed, runs_of
+from missing_physics.inference.torques.runs import Run, about, runs_of
 from missing_physics.inference.torques.touched import at_links
 from missing_physics.standard import MODEL_ERROR, StandardModel
 from missing_physics.standard.fit import design_of, least_rms
@@ -59,13 +59,11 @@ class TorqueData(Data):
         standard: the standard model at which everything is linearised.
         runs: recordings, the fitted ones first.
         common: columns of terms that depend on the motion only, cached for all linearisations.
-        undelayed: those that do not depend on the recorded torques, cached for all delays.
     """
 
     standard: StandardModel
     runs: tuple[Run, ...]
     common: Kept[Columns] = field(default_factory=Kept, repr=False)
-    undelayed: Kept[Columns] = field(default_factory=Kept, repr=False)
     _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -120,26 +118,19 @@ class TorqueData(Data):
         """Least rms residual of each joint in a fit, shape (n,)."""
         return least_rms([run.rows for run in self.runs])
 
-    def about(self, parameters: Array, driven: Array | None = None) -> Self:
+    def about(self, parameters: Array) -> Self:
         """The same rows, linearised at other parameters of the standard model and shifted by their delays.
 
         Args:
             parameters: of the standard model, shape (X,).
-            driven: see `driven`. Where what such terms contribute hardly differs, only delays are changed;
-                None to linearise everything again.
         """
-        near = driven is not None and self.is_near(
-            parameters, self.about_numbers, driven, whatever_delays=True
-        )
-        if near:
-            return replace(self, runs=tuple(delayed(run, parameters) for run in self.runs))
         along, estimate = parameters.copy(), self.standard.estimate.values
         for one in self.given:  # keep the friction that a law replaces in the torque that the motion needs
             for name, value in one.held:
                 place = self.layout.names.index(name)
                 along[place] = estimate[place] if parameters[place] == value else parameters[place]
         runs = tuple(about(run, along) for run in self.runs)
-        return replace(self, runs=runs, designs=_designs(runs), undelayed=Kept())
+        return replace(self, runs=runs, designs=_designs(runs))
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
@@ -186,9 +177,7 @@ class TorqueData(Data):
             found[by_friction, k] += np.sqrt(np.mean(values**2)) if values.size else 0.0
         return found
 
-    def is_near(
-        self, one: Array, other: Array, driven: Array | None = None, *, whatever_delays: bool = False
-    ) -> bool:
+    def is_near(self, one: Array, other: Array, driven: Array | None = None) -> bool:
         """Whether rows linearised at the first parameters are valid at the second, shape (X,) each.
 
         The delays must be nearly equal. The motion of a free base and flexible links depends on the masses,
@@ -198,7 +187,6 @@ class TorqueData(Data):
         Args:
             one, other: the parameters.
             driven: see above; None without such terms.
-            whatever_delays: whether delays may differ.
         """
         angle = (
             2.0
@@ -206,7 +194,7 @@ class TorqueData(Data):
             * self.runs[0].motion.cutoff
             * np.abs(self.delays_of(one) - self.delays_of(other)).max()
         )
-        if angle >= SAME and not whatever_delays:
+        if angle >= SAME:
             return False
         first, joints = len(self.runs[0].model.inertial_names), self.size.size * len(FRICTION)
         change = np.zeros_like(self.size)
@@ -255,7 +243,7 @@ class TorqueData(Data):
     @cached_property
     def terms(self) -> KeptColumns:
         """Columns of terms along the recordings."""
-        return KeptColumns(self.runs, self.common, self.undelayed)
+        return KeptColumns(self.runs, self.common)
 
     def nominal(self, run: int) -> Array:
         """Torques predicted by the robot file in one recording, zero where nothing is compared, (K, n)."""

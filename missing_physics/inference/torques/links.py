@@ -83,7 +83,9 @@ def _joint_torques(run: Run, unit: _Unit, value: float) -> Array:
 
 def _unit(run: Run, effect: StructureEffect, link: str) -> _Unit:
     key = effect.id, link
-    found: object = run.part(key, lambda: _made(run, effect, link))
+    if key not in run.reshaped:
+        run.reshaped[key] = _made(run, effect, link)
+    found = run.reshaped[key]
     assert isinstance(found, _Unit)
     return found
 

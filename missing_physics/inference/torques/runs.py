@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +26,9 @@ from reference_model.effects.pushing import BodySeries
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
 
-__all__ = ["Run", "about", "delayed", "runs_of"]
+__all__ = ["Run", "about", "runs_of"]
 
 Array = NDArray[np.float64]
-V = TypeVar("V")
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,6 @@ class Run:
         channels: recorded channels.
         temperature: of the joints [K], shape (N, n).
         laws: friction laws of the robot file at joints where it also has modifiers of friction.
-        parts: what was computed along the motion; it does not depend on the delays.
     """
 
     model: RobotModel
@@ -64,7 +62,6 @@ class Run:
     channels: frozenset[str]
     temperature: Array
     laws: tuple[UsedEffect, ...]
-    parts: dict[Hashable, Any] = field(default_factory=dict, repr=False)
 
     @property
     def motion(self) -> BandMotion:
@@ -92,17 +89,10 @@ class Run:
         found = self.motion.reduce(self.motion.smooth(np.concatenate(values, axis=1)) * shares)
         return np.split(found, np.cumsum(widths)[:-1], axis=1)
 
-    def part(self, key: Hashable, made: Callable[[], V]) -> V:
-        """What `made` computes along the motion, computed once for all delays."""
-        if key not in self.parts:
-            self.parts[key] = made()
-        found: V = self.parts[key]
-        return found
-
-    @property
+    @cached_property
     def loads(self) -> Array:
         """Bearing loads, shape (N, n, 4)."""
-        return self.part("loads", self.along.loads)
+        return self.along.loads()
 
     def moved(self, k: int, series: Array) -> Array:
         """Change of the torques for C small changes of joint k's motion, (N, C); shape (N, n, C)."""
@@ -118,19 +108,33 @@ class Run:
 
     def body(self, link: str) -> tuple[BodySeries, Array]:
         """Motion of a rigid link, and the map from a wrench on it to all rows (`RobotModel.body_motion`)."""
-        return self.part(("body", link), lambda: self.along.body(link))
+        if link not in self._bodies:
+            self._bodies[link] = self.along.body(link)
+        return self._bodies[link]
 
     def link_at_rows(self, link: str) -> tuple[Array, Array, Array]:
         """Position and rotation of a rigid link's frame at the rows, and joint forces per wrench there.
 
         Shapes (K, 3), (K, 3, 3) and (K, n, 6).
         """
-
-        def made() -> tuple[Array, Array, Array]:
+        if link not in self._links_at_rows:
             (series, spread), kept = self.body(link), self.motion.kept
-            return series.position[kept], series.rotation[kept], self.along.at_joints(spread)[kept]
+            joint_forces = self.along.at_joints(spread)[kept]
+            self._links_at_rows[link] = series.position[kept], series.rotation[kept], joint_forces
+        return self._links_at_rows[link]
 
-        return self.part(("at rows", link), made)
+    @cached_property
+    def _bodies(self) -> dict[str, tuple[BodySeries, Array]]:
+        return {}
+
+    @cached_property
+    def _links_at_rows(self) -> dict[str, tuple[Array, Array, Array]]:
+        return {}
+
+    @cached_property
+    def reshaped(self) -> dict[tuple[str, str], object]:
+        """Cache of `links`: changes along the motion per unit of effects that change flexible links."""
+        return {}
 
     @property
     def delays(self) -> Array:
@@ -153,25 +157,27 @@ class Run:
         first, joints = len(self.model.inertial_names), len(self.model.joints)
         return self.parameters[first : first + joints * len(FRICTION)].reshape(joints, -1)[:, 0]
 
-    @property
+    @cached_property
     def _jacobians(self) -> tuple[Array, Array, Array]:
         """Derivatives of inverse dynamics by position, velocity, acceleration, shape (N, rows, n) each."""
         motion, along = self.motion, self.along
-        return self.part(
-            "jacobians",
-            lambda: self.model.motion_jacobians(
-                motion.position,
-                motion.velocity,
-                motion.acceleration,
-                base=along.base,
-                inner=along.inner,
-                inertial=along.inertial,
-            ),
+        stiffness, damping, inertia = self.model.motion_jacobians(
+            motion.position,
+            motion.velocity,
+            motion.acceleration,
+            base=along.base,
+            inner=along.inner,
+            inertial=along.inertial,
         )
+        return stiffness, damping, inertia
 
     def signals(self, k: int) -> Array:
         """Signals of joint k in the order of `JointSignals.CHANNELS`, then the direction, shape (N, 12)."""
-        return self.part(("signals", k), lambda: self._signals_of(k))
+        return self._signals[k]
+
+    @cached_property
+    def _signals(self) -> tuple[Array, ...]:
+        return tuple(map(self._signals_of, range(len(self.model.joints))))
 
     def _signals_of(self, k: int) -> Array:
         motion = self.motion
@@ -243,34 +249,21 @@ def _run_about(
         rows = taken_about(rows, along)
     viscous, coulomb, offset = parameters[count : count + joints * len(FRICTION)].reshape(joints, -1).T
     friction = -(viscous * motion.velocity + coulomb * motion.direction)
-    run = Run(
+    delays = _delays(parameters[count + joints * len(FRICTION) :], joints)
+    smooth = motion.smooth_torque
+    change = np.nan_to_num(_advanced(motion, smooth, delays) - smooth)
+    return Run(
         model=model,
         along=along,
         rows=rows,
-        torque=rows.torque,
-        acting=motion.torque,
+        torque=rows.torque + rows.vibration.removed(motion.reduce(change * rows.shares)),
+        acting=np.nan_to_num(_advanced(motion, motion.torque, delays)),
         parameters=parameters,
         friction=friction,
         needed=along.needed + offset - friction,
         channels=channels,
         temperature=temperature,
         laws=laws,
-    )
-    return delayed(run, parameters)
-
-
-def delayed(run: Run, parameters: Array) -> Run:
-    """The same linearisation with torques corrected for the delays among some parameters."""
-    motion, rows = run.motion, run.rows
-    first = len(run.model.inertial_names) + len(run.model.joints) * len(FRICTION)
-    delays = _delays(parameters[first:], len(run.model.joints))
-    smooth = motion.smooth_torque
-    change = np.nan_to_num(_advanced(motion, smooth, delays) - smooth)
-    return replace(
-        run,
-        torque=rows.torque + rows.vibration.removed(motion.reduce(change * rows.shares)),
-        acting=np.nan_to_num(_advanced(motion, motion.torque, delays)),
-        parameters=np.concatenate([run.parameters[:first], parameters[first:]]),
     )
 
 
