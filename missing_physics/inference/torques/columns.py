@@ -80,6 +80,7 @@ class KeptColumns:
     def __init__(self, runs: Sequence[Run], common: Kept[Columns]) -> None:
         self._runs, self._common = runs, common
         self._own = Kept[Columns]()
+        self._of_motion: dict[tuple[object, ...], bool] = {}
 
     def acting(self, term: Term, run: int) -> tuple[Places, Array]:
         """The joints that a term affects, and its columns there, zero where nothing is compared.
@@ -94,7 +95,7 @@ class KeptColumns:
         kept = self._known(term, run)
         if kept is None:
             self.prepare([term], run)
-            kept = self._cache(term, run).get(_key(term, run))
+            kept = self._cached(term, run)
             assert kept is not None
         return kept.active, kept.values
 
@@ -126,7 +127,7 @@ class KeptColumns:
 
     def _known(self, term: Term, run: int) -> Columns | None:
         """The columns of a term if they are cached or follow from cached columns."""
-        kept = self._cache(term, run).get(_key(term, run))
+        kept = self._cached(term, run)
         if kept is None:
             return None
         linear_values = _linear_values(term)
@@ -136,8 +137,14 @@ class KeptColumns:
             return None
         return kept.moved(linear_values)
 
+    def _cached(self, term: Term, run: int) -> Columns | None:
+        return self._cache(term, run).get(_key(term, run))
+
     def _cache(self, term: Term, run: int) -> Kept[Columns]:
-        return self._common if _is_of_motion(term, self._runs[run]) else self._own
+        key = _key(term, run)
+        if key not in self._of_motion:
+            self._of_motion[key] = _is_of_motion(term, self._runs[run])
+        return self._common if self._of_motion[key] else self._own
 
 
 def _is_of_motion(term: Term, run: Run) -> bool:
