@@ -21,7 +21,7 @@ from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard.model import EFFECTS
-from reference_model.effects.base import Parameter
+from reference_model.effects.base import Parameter, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint
 
@@ -100,6 +100,7 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
     found.sort(key=lambda f: -weight[f.effect, f.location])
     adequate = adequacies(data, fit)
     found = [replace(f, probability=adequate(f.location) * min(f.probability, 1.0)) for f in found]
+    found = [_with_twins(data, finding) for finding in found]
     changes = (*_changes(data, fit), *_changes_of_laws(data, fit, found))
     return Answer(fit, tuple(found), changes, timing, named)
 
@@ -354,6 +355,33 @@ def _of_parameters(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Fin
             alternatives=_alternatives(rivals, (effect, joint)),
             note=" ".join(_replacing(data, fit, effect, joint)),
         )
+
+
+def _with_twins(data: TorqueData, finding: Finding) -> Finding:
+    """The finding with the errors of sensors that no recording distinguishes from it or from its rivals.
+
+    They are as probable as the finding itself.
+    """
+    own, place = _twins(data, finding.effect, finding.location), finding.location
+    rivals = [label.partition("@") for label in finding.ambiguous_with]
+    theirs = [key for effect, _, at in rivals for key in _twins(data, effect, at or place)]
+    labels = (*finding.ambiguous_with, *(_label(key, place) for key in (*own, *theirs)))
+    return replace(
+        finding, probability=finding.probability / (1 + len(own)), ambiguous_with=tuple(dict.fromkeys(labels))
+    )
+
+
+def _twins(data: TorqueData, effect: str, at: str) -> list[tuple[str, str]]:
+    """Errors of recorded channels of a joint that no recording distinguishes from an effect there."""
+    channels = frozenset.intersection(*(run.channels for run in data.runs))
+    every = [one for one in catalogue().values() if isinstance(one, SensorEffect)]
+    pairs = [
+        (one.id, f"{at}.{quantity}")
+        for one in every
+        for quantity, same in one.same_as.items()
+        if same == effect
+    ]
+    return [(one, channel) for one, channel in pairs if channel in channels]
 
 
 def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iterator[str]:

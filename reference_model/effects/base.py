@@ -342,10 +342,13 @@ class SensorEffect(Effect):
 
     Attributes:
         searched_in: quantities whose channels a diagnosis searches for it.
+        same_as: quantities at which recordings do not distinguish it from an effect at the joint, with the id
+            of that effect, which is searched for instead.
     """
 
     place = "sensor"
     searched_in: ClassVar[frozenset[str]] = frozenset({"position"})
+    same_as: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
     def error(self, s: SensorSignals, p: Values) -> ca.SX:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,7 @@ class SensorOffset(SensorEffect):
 
     id = "sensor_offset"
     title = "Sensor offset"
+    same_as: ClassVar[Mapping[str, str]] = {"torque": "torque_offset"}
     parameters = (
         Parameter("offset", "channel", "measured minus true", -1e6, 1e6, 0.01, absent=0.0, linear=True),
     )

@@ -41,10 +41,11 @@ def thinning(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np
 
 
 def test_offset_smaller_than_friction_is_ambiguous_with_asymmetric_friction(arm: Robot) -> None:
-    """Friction of 0.7 and 0.3 N m is one of 0.5 with an offset of 0.2: both names are stated."""
+    """Friction of 0.7 and 0.3 N m is one of 0.5 with an offset of 0.2, or with one of the torque sensor."""
     result, _ = diagnosed(with_friction(arm), lambda time, position, velocity: np.full_like(time, 0.2))
     (finding,) = result.diagnosis.findings
-    assert {finding.effect, *finding.ambiguous_with} == {"torque_offset", "asymmetric_friction"}
+    names = {"torque_offset", "asymmetric_friction", "sensor_offset@joint.torque"}
+    assert {finding.effect, *finding.ambiguous_with} == names
     (size,) = [e.value for e in finding.parameters.values() if abs(e.value) > 0.1]
     assert abs(size) == pytest.approx(0.2, rel=0.01)  # noise of one sample
 
