@@ -50,6 +50,16 @@ def test_offset_smaller_than_friction_is_ambiguous_with_asymmetric_friction(arm:
     assert abs(size) == pytest.approx(0.2, rel=0.01)  # noise of one sample
 
 
+def test_offset_of_the_actuator_is_as_probable_as_one_of_the_torque_sensor(arm: Robot) -> None:
+    """Recorded and needed torque differ by the same constant in both cases."""
+    result, _ = diagnosed(with_friction(arm), lambda time, position, velocity: np.full_like(time, 2.0))
+    (finding,) = result.diagnosis.findings
+    assert finding.effect == "torque_offset"
+    assert finding.ambiguous_with == ("sensor_offset@joint.torque",)
+    assert 0.3 < finding.probability < 0.5
+    assert result.diagnosis.verdict == "ambiguous"
+
+
 @pytest.mark.parametrize("factor", [1.0, 0.95])  # files are good to some percent
 def test_robot_file_with_errors_of_a_few_percent_is_consistent(arm: Robot, factor: float) -> None:
     result, _ = diagnosed(with_friction(arm, factor), nothing)
