@@ -203,17 +203,8 @@ class Data(ABC):
         """Standard model parameters with the contributions of terms added to the bodies, shape (X,)."""
         return parameters
 
-    def driven(self, terms: Sequence[Term], changes: Array) -> Array:
-        """What terms driven by the torque and by friction contribute to each joint, (2, n).
-
-        Args:
-            terms: the terms.
-            changes: of their parameters in the linearised rows, shape (P,).
-        """
-        return np.zeros((2, self.size.size))
-
-    def is_near(self, one: Array, other: Array, driven: Array | None = None) -> bool:
-        """Whether rows linearised at the first parameters are valid at the second, shape (X,) each."""
+    def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
+        """Whether rows linearised at the first parameters, (X,), are valid at the second with these terms."""
         return True
 
     def cut(self, terms: Sequence[Term]) -> Array:

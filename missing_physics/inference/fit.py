@@ -92,7 +92,6 @@ class Fit:
         once: of terms with parameters that a single fold determines, such as every event, how precisely the
             rows determine these.
         partial: whether non-linear parameters of some terms were held fixed in the fit.
-        driven: see `Data.driven`, shape (2, n).
     """
 
     hypothesis: Hypothesis
@@ -107,7 +106,6 @@ class Fit:
     impossible: Mapping[tuple[str, str], str]
     once: Mapping[tuple[str, str], Precision] = field(default_factory=dict)
     partial: bool = False
-    driven: Array | None = None
 
     def parameter(self, name: str) -> float:
         """Estimate of one parameter of the standard model, or of a joint's delay."""
@@ -277,7 +275,6 @@ def _cross_validated(problem: Problem, hypothesis: Hypothesis, x: Array, width: 
         data.about_numbers,
         dict(_impossible(data, moved.terms, x[: data.start.size], cut_rows)),
         _precisions(problem, hessian, weight, np.any(kept, axis=0)),
-        driven=data.driven(problem.terms, x[data.start.size :]),
     )
 
 

@@ -86,7 +86,7 @@ class Search(Generic[D]):
         """The rows linearised at a fit: torques shifted by its delays, links vibrating with its masses."""
         parameters = self.data.with_bodies(fit.parameters, fit.hypothesis.terms)
         for data in (self.data, *self._others):
-            if data.is_near(parameters, data.about_numbers, fit.driven):
+            if data.is_near(parameters, data.about_numbers, fit.hypothesis.terms):
                 return data
         self._others = [*self._others[1 - KEPT :], self.data.about(parameters)]
         return self._others[-1]
@@ -100,7 +100,7 @@ class Search(Generic[D]):
         """
         for _ in range(SETTLING):
             parameters = self.data.with_bodies(fit.parameters, fit.hypothesis.terms)
-            near = self.data.is_near(parameters, fit.about, fit.driven)
+            near = self.data.is_near(parameters, fit.about, fit.hypothesis.terms)
             if near and not (whole and fit.partial):
                 break
             fit = fitted(self.about(fit), fit.hypothesis, fit)
@@ -140,8 +140,9 @@ class Search(Generic[D]):
         """
         stored = self.made.get(hypothesis.key)
         if stored is not None:
-            parameters = self.data.with_bodies(start.parameters, start.hypothesis.terms)
-            if self.data.is_near(parameters, stored.about, start.driven):
+            terms = start.hypothesis.terms
+            parameters = self.data.with_bodies(start.parameters, terms)
+            if self.data.is_near(parameters, stored.about, terms):
                 return stored
         made = make()
         return made if stored is None or self.gain(made) > self.gain(stored) else self.keep(stored)

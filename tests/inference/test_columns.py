@@ -94,16 +94,6 @@ def test_linearisations_share_only_columns_that_are_the_same(data: TorqueData, t
     assert not np.allclose(heavier.columns(lag, 0), data.columns(lag, 0), atol=1e-3)
 
 
-def test_rows_are_near_while_what_the_torque_drives_hardly_changes(data: TorqueData) -> None:
-    """A lag contributes in proportion to the torque: 2 % more where inertia and friction are 2 % larger."""
-    other, place = data.start.copy(), slice(0, data.runs[0].parameters.size)
-    other[place] *= 1.02
-    least = float(np.minimum(data.error, data.noise)[0])
-    for contributed, near in ((0.9 * least / 0.02, True), (1.1 * least / 0.02, False)):
-        assert data.is_near(other, data.start, np.array([[contributed], [0.0]])) == near
-    assert data.is_near(other, data.start, np.zeros((2, 1)))
-
-
 @pytest.mark.parametrize("gain", [0.13, -0.1])
 def test_torque_gain_is_relative_to_the_commanded_torque(data: TorqueData, gain: float) -> None:
     """The motion needs (1 + gain) u, so that u lacks gain / (1 + gain) of it."""

@@ -156,37 +156,12 @@ class TorqueData(Data):
                     found[self.layout.names.index(name)] += term.values[0]
         return found
 
-    def driven(self, terms: Sequence[Term], changes: Array) -> Array:
-        """What terms driven by the torque and by friction contribute to each joint, shape (2, n).
-
-        The rms of each term in the fitted rows, summed over terms.
-
-        Args:
-            terms: the terms.
-            changes: of their parameters in the linearised rows, shape (P,).
-        """
-        found, first = np.zeros((2, self.size.size)), 0
-        for term in terms:
-            change = changes[first : first + len(term.free)]
-            first += len(term.free)
-            if term.at not in self.joints or not (term.effect.uses_torque or term.effect.is_modifier):
-                continue
-            columns = [self.terms.acting(term, i)[1] for i in range(self.fitted)]
-            values = np.concatenate([(own[:, :, 0] + own[:, :, 1:] @ change).ravel() for own in columns])
-            k, by_friction = self.joints.index(term.at), int(term.effect.is_modifier)
-            found[by_friction, k] += np.sqrt(np.mean(values**2)) if values.size else 0.0
-        return found
-
-    def is_near(self, one: Array, other: Array, driven: Array | None = None) -> bool:
+    def is_near(self, one: Array, other: Array, terms: Sequence[Term] = ()) -> bool:
         """Whether rows linearised at the first parameters are valid at the second, shape (X,) each.
 
         The delays must be nearly equal. The motion of a free base and flexible links depends on the masses,
-        and some effects are driven by the torque that the motion needs, or by friction. What they contribute
-        must change by less than the noise and the error of any model.
-
-        Args:
-            one, other: the parameters.
-            driven: see above; None without such terms.
+        and some effects are driven by the torque that the motion needs, or by friction. In these cases the
+        difference must change the torques by less than the noise and the error of any model.
         """
         angle = (
             2.0
@@ -196,34 +171,14 @@ class TorqueData(Data):
         )
         if angle >= SAME:
             return False
-        first, joints = len(self.runs[0].model.inertial_names), self.size.size * len(FRICTION)
-        change = np.zeros_like(self.size)
-        if self.follows:
-            apart = [design[:, :, : first - 3] @ (one - other)[: first - 3] for design in self.designs]
-            change += np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
-        whole = slice(first - 3 if self.follows else one.size), slice(first, first + joints)
-        for own, contributed in zip(whole, () if driven is None else driven):
-            change += contributed * self._relative_change(one, other, own, contributed > 0.0)
-        return bool(np.all(change <= np.minimum(self.error, self.noise)))
-
-    def _relative_change(self, one: Array, other: Array, own: slice, where: Mask) -> Array:
-        """Largest relative change of the torques, of their rates or of the second derivatives, shape (n,).
-
-        Args:
-            one, other: parameters of the standard model.
-            own: those that count.
-            where: joints that count, shape (n,).
-        """
-        found = np.zeros_like(self.size)
-        for design in self.designs if where.any() else ():
-            columns = design[:, where, own]
-            torque, apart = columns @ one[own], columns @ (one - other)[own]
-            for _ in range(3):  # twist and lag are driven by the derivatives
-                scale = np.maximum(np.mean(torque**2, axis=0), np.finfo(float).tiny)
-                relative = np.sqrt(np.mean(apart**2, axis=0) / scale)
-                found[where] = np.maximum(found[where], relative)
-                torque, apart = np.diff(torque, axis=0), np.diff(apart, axis=0)
-        return found
+        driven = {t.at for t in terms if t.effect.uses_torque or t.effect.is_modifier}
+        joints = np.array([self.follows or joint in driven for joint in self.joints])
+        if not joints.any():
+            return True
+        count = len(self.runs[0].model.inertial_names) - 3 if self.follows else one.size
+        apart = [design[:, joints, :count] @ (one - other)[:count] for design in self.designs]
+        change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
+        return bool(np.all(change < np.minimum(self.error, self.noise)[joints]))
 
     @property
     def follows(self) -> bool:
