@@ -126,7 +126,7 @@ CASES = {
     "seven": Case("simulated, 7 joints, 60 s at 100 Hz", 30.0, lambda: recorded_chain(7, 60.0, 100.0)),
     "seven_fast": Case("simulated, 7 joints, 20 s at 1 kHz", 60.0, lambda: recorded_chain(7, 20.0, 1000.0)),
     "emps": Case("EMPS, 1 joint, 50 s at 1 kHz", 10.0, lambda: _machine("emps")),
-    "kuka_kr300": Case("KUKA KR300, 6 joints at 100 Hz", 30.0, lambda: _machine("kuka_kr300")),
+    "kuka_kr300": Case("KUKA KR300, 6 joints, 20 s at 250 Hz", 30.0, lambda: _machine("kuka_kr300")),
     "kinova_gen3": Case("Kinova Gen3, 7 joints, 48 s at 1 kHz", 60.0, lambda: _machine("kinova_gen3")),
 }
 
