@@ -20,7 +20,7 @@ Each effect of the catalogue is left out, alone, of a shipped robot that was var
 challenge (masses, lengths, rotors, friction, sensors, controller, motion). Exudyn moves the real robot;
 its sensors add noise, resolution and their own faults; the diagnosis gets the robot file without the
 effect and two recordings of other motions, one to fit and one that is only scored. Parameters are drawn
-over credible ranges, {ATTEMPTS} times at most, until by the true model the effect stands out in both
+over credible ranges, {ATTEMPTS} times at most, until by the true model the effect is distinguishable in both
 recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice a
 log-likelihood, `missing_physics/challenge/scoring/information.py`). An effect with the same distance to every
 rival that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
@@ -28,8 +28,8 @@ only be listed together with it. Effects without regressors along a motion (link
 temperature must make the recordings differ from the nominal robot's simulations by as much; no rival is
 considered. A diagnosis searches neither for a compliant base nor for bending of links that the file calls
 rigid. Robots with links that bend are drawn once, since they take long to simulate; effects of joints,
-actuators and sensors on the free-flying one come last. A case that does not stand out in both recordings is
-also diagnosed, but not counted."""
+actuators and sensors on the free-flying one come last. A case whose effect is not distinguishable in both
+recordings is also diagnosed, but not counted."""
 COLUMNS = """\
 *Place* is right where every hidden place has a finding or, with nothing named, a located mismatch; *name*
 where the effect is named at its place, "in the set" where it is listed as an equally good explanation.

@@ -227,7 +227,7 @@ def test_signals_that_an_effect_does_not_use_do_not_change_it(effect: JointEffec
     assert used <= along.channels
     other = signals.copy()
     for k, name in enumerate(JointSignals.CHANNELS):
-        if name not in used and name != "time":  # states depend on time without a law's saying so
+        if name not in used and name != "time":  # the intervals over which states are integrated
             other[:, k] *= 1.7
     np.testing.assert_array_equal(along.torque(signals, parameters), along.torque(other, parameters))
 
