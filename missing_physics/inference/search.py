@@ -366,6 +366,8 @@ def _compared_with_rivals(state: Search[Any], best: Fit, progress: Progress | No
     """
     compared: set[tuple[object, ...]] = set()
     for _ in range(MOST):
+        if progress:
+            progress("comparing effects with their rivals")
         every = {_surroundings(state, best, term): term for term in _changed_terms(best)}
         fresh = every.keys() - compared
         for key, term in every.items():
@@ -373,8 +375,6 @@ def _compared_with_rivals(state: Search[Any], best: Fit, progress: Progress | No
                 _compare_with_rivals(state, best, term)
         compared |= fresh
         _exchange_parameters(state, best)
-        if progress:
-            progress("comparing effects with their rivals")
         top = state.settled(state.best)
         if top is best and len(fresh) == len(every):
             break
