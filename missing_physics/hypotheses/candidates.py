@@ -118,12 +118,13 @@ def candidates(
             if effect.place == "link" and robot.flexible_links and BODIES in hypothesis.from_file:
                 yield from _at_links(effect, robot, present)
             continue
+        if isinstance(effect, StructureEffect):
+            if effect.reshapes:
+                yield from _reshaping(effect, robot, places, present)
+            continue
         if isinstance(effect, ForceEffect):
             if effect.along_base:
                 yield from _on_base(effect, robot, places, channels, present)
-            continue
-        if isinstance(effect, StructureEffect):
-            yield from _reshaping(effect, robot, places, present)
             continue
         for joint, place in places.items():
             if (effect.place == "actuator" or isinstance(effect, GearEffect)) and not place.driven:

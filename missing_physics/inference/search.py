@@ -294,6 +294,8 @@ def _try_candidate(
     data = state.data
     try:
         fit = _with_possible_delays(state, hypothesis, old, None if everywhere else candidate.term.joint)
+        if candidate.term.effect.adds_coordinates:  # they follow from the bodies, which the term changes
+            fit = state.settled(fit, whole=False)
     except np.linalg.LinAlgError:
         return None
     for key, why in fit.impossible.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -16,8 +17,10 @@ from robot_model import Base, InputError, Robot
 
 __all__ = ["BaseMotion"]
 
-#: Starting compliances [m/N]: a bolted pedestal, a light frame on its feet, something nearly free.
-COMPLIANCES = (1e-6, 1e-4, 1e-1)
+#: Starting compliances [m/N], from a bolted pedestal to a soft mount: resonances differ by a tenth.
+COMPLIANCES = tuple(np.geomspace(1e-7, 1e-2, 58).tolist())
+#: Starting arms [m]: the turning stiffness relative to that of a displacement.
+ARMS = (0.25, 0.5, 1.0)
 
 
 class BaseMotion(StructureEffect, ForceEffect):
@@ -59,6 +62,10 @@ class BaseMotion(StructureEffect, ForceEffect):
     confused_with = ("inertia", "link_flexibility", "joint_elasticity", "slosh", "reaction_wheel")
     experiment = "put a rate sensor on the base; bolt it to something stiffer, or tap it with joints braked"
     carries_start = True
+    adds_coordinates = True
+    #: Feet are some decimetres apart; a mount that resonates at 10 Hz loses a few percent of critical damping.
+    priors: ClassVar[Mapping[str, tuple[float, float]]] = {"arm": (0.5, 0.5), "damping": (0.0, 3e-3)}
+    weighs = ("mass", "inertia")
     essential = ("compliance",)
 
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
@@ -101,8 +108,10 @@ class BaseMotion(StructureEffect, ForceEffect):
         return float(max(stiffness / mass, stiffness * p["arm"] ** 2 / inertia) ** 0.5)
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        others = {p.name: p.typical for p in self.parameters[1:]}
-        return tuple({"compliance": compliance, **others} for compliance in COMPLIANCES)
+        others = {name: self.parameter(name).typical for name in ("damping", "mass", "inertia")}
+        return tuple(
+            {"compliance": compliance, "arm": arm, **others} for arm in ARMS for compliance in COMPLIANCES
+        )
 
 
 def _relative(s: BodySignals) -> ca.SX:

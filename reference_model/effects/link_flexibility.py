@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
 
 from reference_model.effects.base import Extent, Parameter
 from reference_model.effects.bending import bending_link
@@ -11,8 +14,9 @@ from robot_model import Robot
 
 __all__ = ["LinkFlexibility"]
 
-#: Starting periods [s]: light links of ground robots, heavy payloads, long booms in space.
-PERIODS = (0.05, 0.2, 0.8)
+#: Starting periods [s], from light links of ground robots to long booms in space, and damping ratio, which is
+#: large, so that the resonances of neighbouring periods overlap.
+PERIODS, DAMPED = tuple(np.geomspace(0.02, 2.0, 47).tolist()), 0.05
 
 
 class LinkFlexibility(StructureEffect):
@@ -56,6 +60,9 @@ class LinkFlexibility(StructureEffect):
         "payload: the frequency is proportional to one over the root of its mass"
     )
     essential = ("period",)
+    adds_coordinates = True
+    #: Structures of metal or composite with bolted joints lose a few percent of critical damping.
+    priors: ClassVar[Mapping[str, tuple[float, float]]] = {"damping_ratio": (0.0, 0.03)}
 
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
         if p["period"] == 0:
@@ -70,10 +77,13 @@ class LinkFlexibility(StructureEffect):
         links = tuple(bent if link.name == at else link for link in robot.links)
         return robot.model_copy(update={"links": links})
 
+    def stiffened(self, p: Mapping[str, float], than: Mapping[str, float]) -> tuple[float, float]:
+        faster = than["period"] / p["period"]
+        return faster**2, p["damping_ratio"] / than["damping_ratio"] * faster
+
     def contradiction(self, values: Mapping[str, float]) -> str:
         modes = values["modes"]
         return "" if modes == round(modes) else f"modes = {modes:g} is not a whole number"
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        damping = self.parameter("damping_ratio").typical
-        return tuple({"period": period, "damping_ratio": damping} for period in PERIODS)
+        return tuple({"period": period, "damping_ratio": DAMPED} for period in PERIODS)

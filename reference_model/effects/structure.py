@@ -16,20 +16,22 @@ __all__ = ["StructureEffect"]
 class StructureEffect(Effect):
     """Changes the description of the robot; the controller still uses the original one.
 
-    It has no regressors along a recorded motion, since it adds coordinates that no joint recording holds; an
-    effect that only changes a flexible link has them along the motion of the link's modes.
+    It may add coordinates that no encoder measures. They follow from the motion of the joints
+    (`missing_physics.inference.torques.yielding`), as the modes of a flexible link do.
     """
 
     along_motion = False
     #: It changes only the constants of a flexible link, all proportional to its one parameter.
     reshapes: ClassVar[bool] = False
+    #: Parameters that change masses; the others change stiffness and damping of the added coordinates only.
+    weighs: ClassVar[tuple[str, ...]] = ()
 
     #: Effects of a lower stage are applied first: which links bend, then how.
     stage: ClassVar[int] = 0
 
     @property
     def is_searched(self) -> bool:
-        return self.reshapes
+        return self.reshapes or self.adds_coordinates
 
     def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
         """Bounds of parameters narrower than the catalogue's for this robot."""
@@ -44,6 +46,10 @@ class StructureEffect(Effect):
         Raises:
             InputError: the robot cannot have the effect there.
         """
+
+    def stiffened(self, p: Mapping[str, float], than: Mapping[str, float]) -> tuple[float, float]:
+        """Stiffness and damping of the modes that it adds, relative to those with other parameters [-]."""
+        return 1.0, 1.0
 
     def reshaped(self, body: FlexibleBody, p: Mapping[str, float]) -> FlexibleBody:
         """The changed constants of its flexible link, where a description cannot express the change."""

@@ -16,6 +16,7 @@ from missing_physics.inference.torques.coupled import behind_motors
 from missing_physics.inference.torques.links import of_link
 from missing_physics.inference.torques.pushes import on_body
 from missing_physics.inference.torques.runs import Run
+from missing_physics.inference.torques.yielding import of_yielding, torques_of_yielding
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
@@ -114,6 +115,10 @@ class KeptColumns:
         own, found = self._runs[run], np.zeros_like(self._runs[run].torque)
         fresh: list[Term] = []
         for term in terms:
+            if isinstance(term.effect, StructureEffect) and term.effect.adds_coordinates:
+                if self._known(term, run) is None:
+                    found += torques_of_yielding(term, term.effect, own)
+                    continue
             if _is_at_joint(term, own) and not term.in_rows and self._known(term, run) is None:
                 fresh.append(term)
                 continue
@@ -195,7 +200,7 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     if isinstance(effect, YieldingGear):
         return _gear(term, effect, run)
     if isinstance(effect, StructureEffect):
-        return of_link(term, effect, run)
+        return of_yielding(term, effect, run) if effect.adds_coordinates else of_link(term, effect, run)
     if isinstance(effect, ForceEffect):
         return on_body(term, effect, run)
     raise TypeError(f"{effect.id} has no columns along a motion")

@@ -23,6 +23,7 @@ from missing_physics.inference.kept import Kept
 from missing_physics.inference.torques.columns import Columns, KeptColumns, added_to_bodies, cut
 from missing_physics.inference.torques.places import places
 from missing_physics.inference.torques.runs import Run, about, runs_of
+from missing_physics.inference.torques.scans import Scan, scanned, scans_of
 from missing_physics.inference.torques.touched import at_links
 from missing_physics.standard import MODEL_ERROR, StandardModel
 from missing_physics.standard.fit import design_of, least_rms
@@ -59,11 +60,13 @@ class TorqueData(Data):
         standard: the standard model at which everything is linearised.
         runs: recordings, the fitted ones first.
         common: columns of terms that depend on the motion only, cached for all linearisations.
+        scans: of effects that add coordinates, computed once for all linearisations; empty before.
     """
 
     standard: StandardModel
     runs: tuple[Run, ...]
     common: Kept[Columns] = field(default_factory=Kept, repr=False)
+    scans: list[tuple[Scan, ...]] = field(default_factory=list, repr=False)
     _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -172,10 +175,11 @@ class TorqueData(Data):
         if angle >= SAME:
             return False
         driven = {t.at for t in terms if t.effect.uses_torque or t.effect.is_modifier}
-        joints = np.array([self.follows or joint in driven for joint in self.joints])
+        follows = self.follows or any(t.effect.adds_coordinates for t in terms)
+        joints = np.array([follows or joint in driven for joint in self.joints])
         if not joints.any():
             return True
-        count = len(self.runs[0].model.inertial_names) - 3 if self.follows else one.size
+        count = len(self.runs[0].model.inertial_names) - 3 if follows else one.size
         apart = [design[:, joints, :count] @ (one - other)[:count] for design in self.designs]
         change = np.sqrt(np.max([np.mean(own**2, axis=0) for own in apart], axis=0))
         return bool(np.all(change < np.minimum(self.error, self.noise)[joints]))
@@ -255,8 +259,14 @@ class TorqueData(Data):
         where = places(self.robot, self.runs, seen, residual, coulomb)
         sigma = np.sqrt(np.sum([(own**2).sum(axis=0) for own in residual], axis=0))
         sigma = np.maximum(sigma / np.sqrt(max(sum(map(len, residual)), 1)), self.error)
-        touched = at_links(self.robot, hypothesis, self.runs[: self.fitted], residual, sigma)
-        return [*candidates(self.robot, hypothesis, where, channels, self.given), *touched]
+        fitted = self.runs[: self.fitted]
+        touched = at_links(self.robot, hypothesis, fitted, residual, sigma)
+        if not self.scans:
+            self.scans.append(
+                scans_of(self.robot, fitted, next(iter(where.values())).extents[0]) if where else ()
+            )
+        yields = scanned(self.scans[0], hypothesis, self.designs[: self.fitted], residual, sigma)
+        return [*candidates(self.robot, hypothesis, where, channels, self.given), *touched, *yields]
 
     def cut(self, terms: Sequence[Term]) -> Array:
         """Number of rows of each block and joint in which terms saturate the torque, shape (B, n)."""

@@ -1,0 +1,160 @@
+"""Starting values of effects that add coordinates, by a scan over a grid of their parameters.
+
+The torques of a link that vibrates depend on its period like a comb: Gauss-Newton steps converge only from
+nearby. So the torques of all parameters on a grid are computed once, at the bodies of the first linearisation
+and as many instants as the band requires, and compared with the residual of each hypothesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.hypotheses import Candidate, Hypothesis, Term
+from missing_physics.inference.torques.runs import Run
+from missing_physics.inference.torques.yielding import rows_of_yielding
+from reference_model.effects.base import Extent
+from reference_model.effects.catalogue import catalogue
+from reference_model.effects.structure import StructureEffect
+from robot_model import InputError, Robot
+
+__all__ = ["Scan", "scanned", "scans_of"]
+
+Array = NDArray[np.float64]
+
+#: Robots that are computed together, which limits memory.
+TOGETHER = 64
+#: Most starting values of one effect at one place, and over all of them.
+PEAKS, STARTS = 2, 6
+#: Fraction of the columns' total size below which a direction counts as not determined [-].
+RIDGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Torques of one effect at one place for a grid of parameters; V grid points, S free vibrations.
+
+    Attributes:
+        effect, at: the effect and its place.
+        starts: parameters of each grid point.
+        torques: in the rows of each recording, zero where nothing is compared, shape (K, n, V, 1 + S) each
+            (`yielding.rows_of_yielding`).
+    """
+
+    effect: StructureEffect
+    at: str
+    starts: tuple[dict[str, float], ...]
+    torques: tuple[NDArray[np.float32], ...]
+
+
+def scans_of(robot: Robot, runs: Sequence[Run], extent: Extent) -> tuple[Scan, ...]:
+    """Scans of all effects that add coordinates to a robot of rigid links, at the base and at every link."""
+    if robot.flexible_links or robot.transmissions or robot.spherical_joints:
+        return ()
+    return tuple(_scans(robot, runs, extent))
+
+
+def _scans(robot: Robot, runs: Sequence[Run], extent: Extent) -> Iterator[Scan]:
+    for effect in catalogue().values():
+        if not isinstance(effect, StructureEffect) or not effect.adds_coordinates:
+            continue
+        for at in ("base",) if effect.place == "base" else [link.name for link in robot.links]:
+            starts = [{**effect.defaults(), **start} for start in effect.starts(extent)]
+            try:
+                effect.changed(robot, at, starts[0])
+            except InputError:
+                continue
+            yield Scan(effect, at, tuple(starts), tuple(_torques(effect, at, starts, run) for run in runs))
+
+
+def _torques(
+    effect: StructureEffect, at: str, starts: Sequence[dict[str, float]], run: Run
+) -> NDArray[np.float32]:
+    """Torques in the rows of one recording, shape (K, n, V, 1 + S); unused free vibrations are zero."""
+    parts = []
+    for first in range(0, len(starts), TOGETHER):
+        rows = rows_of_yielding(effect, at, run, starts[first : first + TOGETHER])
+        parts.append(rows.astype(np.float32))
+    most = max(part.shape[3] for part in parts)
+    wide = [np.pad(part, ((0, 0), (0, 0), (0, 0), (0, most - part.shape[3]))) for part in parts]
+    return np.concatenate(wide, axis=2)
+
+
+def scanned(
+    scans: Sequence[Scan],
+    hypothesis: Hypothesis,
+    designs: Sequence[Array],
+    residual: Sequence[Array],
+    sigma: Array,
+) -> list[Candidate]:
+    """Candidates whose torques explain some of the residual beyond the columns of the standard model.
+
+    Args:
+        scans: of the fitted recordings.
+        hypothesis: to which effects are added.
+        designs: columns of the standard model in each fitted recording, shape (K, n, X).
+        residual: of each recording, zero where nothing is fitted, shape (K, n) [N m or N].
+        sigma: rms of the residual at each joint, shape (n,) [N m or N].
+    """
+    present = {term.key for term in hypothesis.terms}
+    wanted = [scan for scan in scans if (scan.effect.id, scan.at) not in present]
+    if not wanted:
+        return []
+    fitted = [own.any(axis=1) for own in residual]
+    columns = _stacked([d[rows] / sigma[:, None] for d, rows in zip(designs, fitted)])
+    columns /= np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
+    known = np.linalg.qr(np.vstack([columns, RIDGE**0.5 * np.eye(columns.shape[1])]))[0][: len(columns)]
+    left = _stacked([own[rows, :, None] / sigma[:, None] for own, rows in zip(residual, fitted)])
+    left -= known @ (known.T @ left)
+    found: list[tuple[float, Term]] = []
+    for scan in wanted:
+        parts = [own[rows] / sigma[:, None, None] for own, rows in zip(scan.torques, fitted)]
+        gain, price = _gains(parts, known, left[:, 0])
+        for v in _peaks(gain - price):
+            term = Term.of(scan.effect, scan.at, scan.starts[v], further=float(price[v]))
+            found.append((float(gain[v] - price[v]), term))
+    return [Candidate(term) for gain, term in sorted(found, key=lambda one: -one[0])[:STARTS]]
+
+
+def _gains(parts: Sequence[Array], known: Array, left: Array) -> tuple[Array, Array]:
+    """Log-likelihood gained at every grid point, and the price of the free vibrations [nats], shape (V,) each.
+
+    Args:
+        parts: torques in each recording, shape (K, n, V, 1 + S) each.
+        known: orthonormal columns of the standard model, shape (R, X); R rows of all recordings and joints.
+        left: residual, shape (R,).
+    """
+    sizes = np.cumsum([0, *(part.shape[0] * part.shape[1] for part in parts)])
+    count, free = parts[0].shape[2], parts[0].shape[3] - 1
+    whole = np.zeros((sizes[-1], count, 1 + free * len(parts)))
+    for i, part in enumerate(parts):
+        rows, flat = slice(sizes[i], sizes[i + 1]), part.reshape(-1, count, 1 + free)
+        whole[rows, :, 0] = flat[:, :, 0]
+        whole[rows, :, 1 + free * i : 1 + free * (i + 1)] = flat[:, :, 1:]
+    prior = np.eye(whole.shape[2] - 1)
+    gain, price = np.zeros((2, count))
+    for v in range(count):
+        own = whole[:, v]
+        across = known.T @ own
+        gram, pull = own.T @ own - across.T @ across, own.T @ left
+        gain[v] = pull[0] - 0.5 * gram[0, 0]
+        if prior.size:
+            inner, aim = gram[1:, 1:] + prior, pull[1:] - gram[1:, 0]
+            gain[v] += 0.5 * aim @ np.linalg.solve(inner, aim)
+            price[v] = 0.5 * np.linalg.slogdet(inner)[1]
+    return gain, price
+
+
+def _stacked(parts: Sequence[Array]) -> Array:
+    """Rows of all recordings and joints one below the other, (K, n, C) each to (sum of K n, C)."""
+    return np.concatenate([part.reshape(-1, part.shape[2]) for part in parts]).astype(float)
+
+
+def _peaks(gain: Array) -> list[int]:
+    """Grid points with the largest gains, none next to a better one."""
+    wider = np.concatenate([[-np.inf], gain, [-np.inf]])
+    tops = np.flatnonzero((gain > 0.0) & (gain >= wider[:-2]) & (gain > wider[2:]))
+    return sorted(tops.tolist(), key=lambda v: -gain[v])[:PEAKS]
