@@ -183,8 +183,8 @@ def vibrating(
 def newmark(inertia: Array, stiffness: Array, step: float) -> Array:
     """Newmark's beta for each mode of a system, as a matrix, shape (..., s, s).
 
-    1/12 has an error of the phase of fourth order, but is unstable above sqrt(6) radians per step; modes above
-    half of that get 1/4, which is always stable.
+    1/12 has an error of the phase of fourth order, but is unstable above sqrt(6) radians per step; modes
+    above half of that get 1/4, which is always stable.
 
     Args:
         inertia, stiffness: symmetric, shape (..., s, s) each; the stiffness may be singular.
@@ -202,8 +202,8 @@ def newmark(inertia: Array, stiffness: Array, step: float) -> Array:
 def _transition(inertia: Array, stiffness: Array, damping: Array, step: float) -> tuple[Array, Array]:
     """The trapezoidal rule with steps h, of modes with mass matrix M, stiffness K and damping C.
 
-    With the predicted deflections and rates w at an instant, a = -S [K, C] w with S = (M + h/2 C + h^2/4 K)^-1,
-    and w at the next one is T w.
+    With the predicted deflections and rates w at an instant, a = -S [K, C] w with
+    S = (M + h/2 C + h^2/4 K)^-1, and w at the next one is T w.
 
     Returns:
         T and S [K, C].

@@ -63,7 +63,7 @@ class BaseMotion(StructureEffect, ForceEffect):
     experiment = "put a rate sensor on the base; bolt it to something stiffer, or tap it with joints braked"
     carries_start = True
     adds_coordinates = True
-    #: Feet are some decimetres apart; a mount that resonates at 10 Hz loses a few percent of critical damping.
+    #: Feet are some decimetres apart; a mount that resonates at 10 Hz has a few percent of critical damping.
     priors: ClassVar[Mapping[str, tuple[float, float]]] = {"arm": (0.5, 0.5), "damping": (0.0, 3e-3)}
     weighs = ("mass", "inertia")
     essential = ("compliance",)

@@ -115,11 +115,11 @@ class KeptColumns:
         own, found = self._runs[run], np.zeros_like(self._runs[run].torque)
         fresh: list[Term] = []
         for term in terms:
-            if isinstance(term.effect, StructureEffect) and term.effect.adds_coordinates:
-                if self._known(term, run) is None:
-                    found += torques_of_yielding(term, term.effect, own)
-                    continue
-            if _is_at_joint(term, own) and not term.in_rows and self._known(term, run) is None:
+            is_known = self._known(term, run) is not None
+            if not is_known and isinstance(term.effect, StructureEffect) and term.effect.adds_coordinates:
+                found += torques_of_yielding(term, term.effect, own)
+                continue
+            if not is_known and _is_at_joint(term, own) and not term.in_rows:
                 fresh.append(term)
                 continue
             active, values = self.acting(term, run)

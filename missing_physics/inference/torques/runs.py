@@ -13,6 +13,7 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.standard import StandardModel
 from missing_physics.standard.band import BandMotion, band_motion
 from missing_physics.standard.bending import model_of
+from missing_physics.standard.fit import design_of
 from missing_physics.standard.prediction import (
     ROOM_TEMPERATURE,
     Along,
@@ -132,8 +133,14 @@ class Run:
         return {}
 
     @cached_property
+    def residual(self) -> Array:
+        """Torque minus that by the standard model with `parameters`, zero where nothing is compared, (K, n)."""
+        design = design_of(self.rows)
+        return np.where(self.rows.counted, self.torque - design @ self.parameters[: design.shape[2]], 0.0)
+
+    @cached_property
     def reshaped(self) -> dict[tuple[str, str], object]:
-        """Cache of `links`: changes along the motion per unit of effects that change flexible links."""
+        """Cache of `links` and `yielding`: what effects change along the motion, by effect and place."""
         return {}
 
     @property

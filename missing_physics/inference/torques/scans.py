@@ -124,7 +124,7 @@ def _gains(parts: Sequence[Array], known: Array, left: Array) -> tuple[Array, Ar
 
     Args:
         parts: torques in each recording, shape (K, n, V, 1 + S) each.
-        known: orthonormal columns of the standard model, shape (R, X); R rows of all recordings and joints.
+        known: orthonormal columns of the standard model at R rows of all recordings and joints, (R, X).
         left: residual, shape (R,).
     """
     sizes = np.cumsum([0, *(part.shape[0] * part.shape[1] for part in parts)])

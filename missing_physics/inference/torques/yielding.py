@@ -1,16 +1,17 @@
 """Columns of a base or link that yields although the robot file calls it rigid.
 
-The effect adds coordinates without encoders: six of the base, or modes of a link. They follow from the joints'
-motion, to first order in their deflections u:
+The effect adds coordinates without encoders: six of the base, or modes of a link. They follow from the
+joints' motion, to first order in their deflections u:
 
     M_pp a + (C + D_p) v + (K + G_p) u = -f,        joint torques: M_jp a + D_j v + G_j u,
 
-where f is the force that the motion of the robot file needs there, G and D the derivatives of inverse dynamics
-by deflections and rates (gravity, centrifugal and Coriolis forces), and K and C of the springs. This is
-integrated with as many samples as the band requires. M, G and D change with the pose, which is slow: they are
-computed on a coarser grid and interpolated. At the ends of a recording, smoothed accelerations are wrong: until
-the first row the force is that of the first row. The vibration with which a recording begins is estimated from the
-recording itself, with a prior as wide as the largest deflection under the forces of the motion.
+where f is the force that the motion of the robot file needs there, G and D the derivatives of inverse
+dynamics by deflections and rates (gravity, centrifugal and Coriolis forces), and K and C of the springs. This
+is integrated with as many samples as the band requires. M, G and D change with the pose, which is slow: they
+are computed on a coarser grid and interpolated. At the ends of a recording, smoothed accelerations are wrong:
+until the first row the force is that of the first row. The vibration with which a recording begins is
+estimated from the recording itself, with a prior as wide as the largest deflection under the forces of the
+motion.
 """
 
 from __future__ import annotations
@@ -30,7 +31,6 @@ from missing_physics.hypotheses.term import Term
 from missing_physics.inference.kept import step_of
 from missing_physics.inference.torques.runs import Run
 from missing_physics.standard.band import SAMPLES_PER_PERIOD
-from missing_physics.standard.fit import design_of
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.pushing import BodySeries, ForceAlong
@@ -50,6 +50,10 @@ Values = Mapping[str, float]
 DENSER = 2 * SAMPLES_PER_PERIOD
 #: Cut-off of the forces before their samples are thinned, in terms of the band's end.
 WIDER = 2.0
+#: Least weight of a joint's residual, relative to the largest one [-].
+LEAST = 1e-6
+#: Number of cached models of changed robots: one for every link of a large robot.
+ROBOTS = 32
 #: Step of finite differences in deflections and rates [m, rad or sqrt(kg) m, and per s]: inverse dynamics is
 #: a polynomial of low degree in them, so that its error is this fraction of the change by a unit.
 SMALL = 1e-4
@@ -114,10 +118,9 @@ def rows_of_yielding(effect: StructureEffect, at: str, run: Run, trials: Sequenc
 
 def _begun(run: Run, rows: Array) -> Array:
     """Torques with the vibration from the start that explains the residual best, shape (K, n, V)."""
-    design = design_of(run.rows)
-    predicted = design @ run.parameters[: design.shape[2]]
-    left = np.where(run.rows.counted, run.torque - predicted, 0.0)
-    weight = 1.0 / np.maximum(np.sqrt(np.mean(left**2, axis=0)), np.finfo(float).tiny)
+    left = run.residual
+    size = np.sqrt(np.mean(left**2, axis=0))
+    weight = 1.0 / np.maximum(size, max(LEAST * float(size.max()), np.finfo(float).eps))
     found = rows[..., 0].copy()
     for v in range(found.shape[2]):
         free = (rows[:, :, v, 1:] * weight[:, None]).reshape(left.size, -1)
@@ -147,7 +150,7 @@ def _moved(each: Sequence[_Yielding], springs: Sequence[tuple[Array, Array]], be
     force = -np.stack([one.force for one in each], axis=1)
     held = np.stack([own for own, _ in springs])
     sprung = np.flatnonzero(np.diag(held[0]) > 0.0)
-    blocks = np.ix_(range(len(each)), sprung, sprung)
+    blocks = np.ix_(np.arange(len(each)), sprung, sprung)
     start = np.zeros((2, len(each), count, 1))
     start[0][:, sprung] = np.linalg.solve(held[blocks], force[0][:, sprung, None])
     shapes, frequencies = _modes(mass[0][blocks], held[blocks])
@@ -186,7 +189,10 @@ def _dynamics_of(effect: StructureEffect, at: str, run: Run, p: Values) -> _Yiel
     key = effect.id, f"{at} {numbers.tobytes().hex()}"
     if key not in run.reshaped:
         run.reshaped[key] = _made(
-            run, _model(effect, run.model.robot, at), numbers, isinstance(effect, ForceEffect)
+            run,
+            _model(effect, run.model.robot, at),
+            numbers,
+            isinstance(effect, ForceEffect) and effect.carries_start,
         )
     found = run.reshaped[key]
     assert isinstance(found, _Yielding)
@@ -320,7 +326,7 @@ def _changed(effect: StructureEffect, robot: Robot, at: str, weights: tuple[floa
     return effect.changed(robot, at, {**_typical(effect), **dict(zip(effect.weighs, weights))})
 
 
-@lru_cache
+@lru_cache(maxsize=ROBOTS)
 def _model(effect: StructureEffect, robot: Robot, at: str) -> RobotModel:
     """The robot with a typical effect; parameters enter by inertial parameters and springs."""
     return RobotModel(effect.changed(robot, at, _typical(effect)))
