@@ -138,6 +138,9 @@ def _gains(parts: Sequence[Array], known: Array, left: Array) -> tuple[Array, Ar
     gain, price = np.zeros((2, count))
     for v in range(count):
         own = whole[:, v]
+        if not np.isfinite(own).all():
+            gain[v] = -np.inf
+            continue
         across = known.T @ own
         gram, pull = own.T @ own - across.T @ across, own.T @ left
         gain[v] = pull[0] - 0.5 * gram[0, 0]

@@ -50,6 +50,8 @@ Values = Mapping[str, float]
 DENSER = 2 * SAMPLES_PER_PERIOD
 #: Cut-off of the forces before their samples are thinned, in terms of the band's end.
 WIDER = 2.0
+#: Torque relative to the largest recorded one beyond which a deflection grows without bound [-].
+FALLS = 1e6
 #: Least weight of a joint's residual, relative to the largest one [-].
 LEAST = 1e-6
 #: Number of cached models of changed robots: one for every link of a large robot.
@@ -103,16 +105,19 @@ def rows_of_yielding(effect: StructureEffect, at: str, run: Run, trials: Sequenc
     """Torques in the rows of a recording for V values of an effect's parameters, shape (K, n, V, 1 + S).
 
     Those due to the forces of the motion are followed by those of S free vibrations from the start, each with
-    the largest deflection under these forces.
+    the largest deflection under these forces. NaN for a mount so soft that the robot would fall over.
     """
     motion = run.motion
     each = [_dynamics_of(effect, at, run, p) for p in trials]
     springs = [_springs_of(effect, run.model.robot, at, p) for p in trials]
     time, full = each[0].time, _moved(each, springs, 2.0 * np.pi * WIDER * motion.cutoff)
+    falls = ~(np.abs(full) < FALLS * np.abs(run.torque).max()).all(axis=(0, 1, 3))
+    full[:, :, falls] = 0.0
     nearest = np.searchsorted(motion.time, time).clip(0, motion.time.size - 1)
     weighted = full * run.rows.shares[nearest, :, None, None]
     smooth = low_passed(weighted, rate=1.0 / (time[1] - time[0]), cutoff=motion.cutoff)
     found = make_interp_spline(time, smooth, k=3)(run.rows.time)
+    found[:, :, falls] = np.nan
     return np.asarray(run.rows.vibration.removed(found * run.rows.counted[:, :, None, None]))
 
 
@@ -122,7 +127,7 @@ def _begun(run: Run, rows: Array) -> Array:
     size = np.sqrt(np.mean(left**2, axis=0))
     weight = 1.0 / np.maximum(size, max(LEAST * float(size.max()), np.finfo(float).eps))
     found = rows[..., 0].copy()
-    for v in range(found.shape[2]):
+    for v in np.flatnonzero(np.isfinite(rows).all(axis=(0, 1, 3))):
         free = (rows[:, :, v, 1:] * weight[:, None]).reshape(left.size, -1)
         apart = ((left - found[:, :, v]) * weight).ravel()
         begins = np.linalg.solve(free.T @ free + np.eye(free.shape[1]), free.T @ apart)
