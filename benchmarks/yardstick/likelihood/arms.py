@@ -1,7 +1,7 @@
 """Drawn arms of one and two joints, and their recordings by inverse dynamics along analytic motions.
 
-Nothing is integrated: the recorded torque is the equation of motion at the recorded instants, plus noise. So whatever
-intervals miss is due to the inference, not to an integrator.
+Nothing is integrated: the recorded torque is the equation of motion at the recorded instants, plus noise. So
+whatever intervals miss is due to the inference, not to an integrator.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from robot_model import Recording, Robot, robot_from_toml
 
@@ -39,8 +40,8 @@ SINES, FREQUENCIES = 4, (0.08, 0.7)
 ENCODER, TORQUE = (1e-6, 1e-4), (0.01, 0.1)
 #: Relative standard deviation of the file's masses, centres, inertias and rotors [-].
 FILE_ERROR = 0.03
-#: Multiple of the highest frequency of the motion at which a ripple's frequency ends at the median speed [-]: the band
-#: ends at five times the bandwidth of the motion.
+#: Highest frequency of a ripple at the median speed, as a multiple of the highest one of the motion [-]: the
+#: band ends at five times the bandwidth of the motion.
 RIPPLE = 2.5
 
 
@@ -98,8 +99,14 @@ class Arm:
     held_out: Recording
 
 
-def arm_of(number: int) -> Arm:
-    """The arm of a number: seven effects in turn, first with one joint, then with two."""
+def arm_of(number: int, *, drift: float = 0.0) -> Arm:
+    """The arm of a number: seven effects in turn, first with one joint, then with two.
+
+    Args:
+        number: of the draw.
+        drift: time constant of an additional first-order low-passed noise of the torques [s], as large as their
+            white noise; none if zero.
+    """
     random = np.random.default_rng([SEED, number])
     effect, joints = EFFECTS[number % len(EFFECTS)], 1 + number // len(EFFECTS) % 2
     links = [_link(random) for _ in range(joints)]
@@ -139,9 +146,10 @@ def arm_of(number: int) -> Arm:
         for j in range(joints):
             noisy = motion.at(time)[0][:, j] + encoder * random.standard_normal(time.size)
             channels[f"joint{j + 1}.position"] = noisy
-            channels[f"joint{j + 1}.torque"] = torque[:, j] + torque_noise[j] * random.standard_normal(
-                time.size
-            )
+            noise = random.standard_normal(time.size)
+            if drift:
+                noise = noise + _drift(np.random.default_rng([SEED, number, which, j]), time, drift)
+            channels[f"joint{j + 1}.torque"] = torque[:, j] + torque_noise[j] * noise
         recordings.append(Recording(time, channels, source=f"arm {number}, run {which + 1}"))
     robot = _robot(random, links, gravity, encoder, torque_noise)
     return Arm(number, robot, effect, f"joint{k + 1}", truth, friction, delay, *recordings)
@@ -150,6 +158,14 @@ def arm_of(number: int) -> Arm:
 def _decades(random: np.random.Generator, low: float, high: float) -> float:
     """Log-uniform."""
     return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def _drift(random: np.random.Generator, time: Array, constant: float) -> Array:
+    """Stationary first-order low-passed noise of rms one with this time constant [s]."""
+    kept = float(np.exp(-(time[1] - time[0]) / constant))
+    white = np.sqrt(1.0 - kept**2) * random.standard_normal(time.size)
+    white[0] /= np.sqrt(1.0 - kept**2)
+    return np.asarray(lfilter([1.0], [1.0, -kept], white))
 
 
 def _link(random: np.random.Generator) -> Link:
@@ -223,7 +239,9 @@ def _effect(
     return {"torque": sign * 2.0 * force, "start": begin, "duration": duration}
 
 
-def _with_effect(effect: str, p: Mapping[str, float], time: Array, q: Array, v: Array, needed: Array) -> Array:
+def _with_effect(
+    effect: str, p: Mapping[str, float], time: Array, q: Array, v: Array, needed: Array
+) -> Array:
     """Torque of the actuator with an effect, from that without, shape (N,)."""
     if effect == "cable_spring":
         return needed + p["stiffness"] * q - p["torque_at_zero"]

@@ -1,7 +1,7 @@
 """Plain weighted least squares of the standard model, as practitioners do it, for comparison.
 
-Essential base parameters by truncated singular values; no prior, no bounds, no constraint on the bodies (IDIM-WLS;
-Gautier, ICRA 1997). Every joint is weighted by the rms of its residual.
+Essential base parameters by truncated singular values; no prior, no bounds, no constraint on the bodies
+(IDIM-WLS; Gautier, ICRA 1997). Every joint is weighted by the rms of its residual.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 #: Rounds of reweighting; weights change by less than a hundredth in the last one.
 ROUNDS = 4
-#: Change of the weighted residual's norm, by a change of the parameters by their sizes, below which a direction is
-#: not essential [-]: it is then as uncertain as the parameters are large.
+#: Norm of the change of the weighted torques, for a change of the parameters by their sizes, below which a
+#: direction is not essential [-]: it is then as uncertain as the parameters are large.
 ESSENTIAL = 1.0
 #: Largest part of a determined parameter in directions that are not essential [-].
 DETERMINED = 0.01

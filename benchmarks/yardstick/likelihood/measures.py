@@ -15,7 +15,17 @@ from missing_physics.inference import Fit
 from missing_physics.inference.data import Data
 from missing_physics.inference.score import SCATTER, levels
 
-__all__ = ["FEWEST", "Octave", "Series", "clopper_pearson", "deviates", "held_out_deviates", "octaves"]
+__all__ = [
+    "FEWEST",
+    "Octave",
+    "Series",
+    "clopper_pearson",
+    "deviates",
+    "held_out_deviates",
+    "held_out_ratios",
+    "octaves",
+    "scatter",
+]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -94,6 +104,17 @@ def octaves(series: Sequence[Series]) -> list[Octave]:
     return found_octaves
 
 
+def scatter(found: Sequence[Octave]) -> float:
+    """Mean square deviation of octaves from one relative to that of white noise; NaN for a single one."""
+    total = sum(own.samples for own in found)
+    if len(found) < 2:
+        return float("nan")
+    spread = [
+        2.0 / own.samples * (1.0 - own.samples / total) for own in found
+    ]  # the mean is that of all octaves
+    return float(np.mean([(own.power - 1.0) ** 2 / s for own, s in zip(found, spread)]))
+
+
 def _response(series: Series, frequencies: Array) -> Array:
     """Fraction of the power of white noise that passes the band's filter, forward and backward."""
     sections = signal.butter(ORDER, series.cutoff, fs=series.rate, output="sos")
@@ -127,6 +148,19 @@ def held_out_deviates(data: Data, fit: Fit, shares: Array) -> list[Array]:
         known = bool(samples[fitted, k].sum() > 0.0)
         found.append(deviates(square[own, k], samples[own, k], level[k]) if known else np.zeros(0))
     return found
+
+
+def held_out_ratios(data: Data, fit: Fit) -> tuple[Array, Array]:
+    """Mean square error of held-out rows of each joint, relative to two of fitted rows, shape (n,) each.
+
+    The first is the residual of the fit, the second the error of a prediction without the row's fold. NaN
+    where no row is held out.
+    """
+    fitted, counts = data.fitted_blocks, data.counts
+    held = counts[~fitted].sum(axis=0)
+    square = np.where(held > 0.0, fit.errors[~fitted].sum(axis=0) / np.maximum(held, 1.0), np.nan)
+    own = fit.errors[fitted].sum(axis=0) / np.maximum(counts[fitted].sum(axis=0), 1.0)
+    return square / fit.sigma**2, square / np.maximum(own, 1e-300)
 
 
 def clopper_pearson(hits: int, trials: int) -> tuple[float, float]:

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.yardstick.likelihood.least_squares import Plain, least_squares
-from benchmarks.yardstick.likelihood.measures import Octave, Series, held_out_deviates, octaves
+from benchmarks.yardstick.likelihood.measures import (
+    Octave,
+    Series,
+    held_out_deviates,
+    held_out_ratios,
+    octaves,
+)
 from benchmarks.yardstick.loading import load
 from benchmarks.yardstick.machines import machine
 from missing_physics.answer.findings import QUANTILE
@@ -80,11 +86,12 @@ class JointMeasures:
         octaves: of the residual of the fitted recordings, highest first.
         share: independent samples per row by the score.
         chi_square: mean square error of held-out rows relative to the residual's variance in fitted rows.
+        foreseen: the same relative to the error of fitted rows that are predicted without their fold.
         deviates: of the held-out blocks.
         over_noise: rms residual relative to the sensors' noise in the band.
         over_error: rms residual relative to the error of any model.
         friction: parameters that both estimators determine.
-        apart: rms difference of the torques predicted by the two in fitted rows, relative to the rms residual.
+        apart: rms difference of the torques predicted by the two in fitted rows, relative to the residual.
         held_out: rms error of plain least squares in held-out rows, relative to that of the standard model.
         per_block: independent samples in the median held-out block.
     """
@@ -93,6 +100,7 @@ class JointMeasures:
     octaves: tuple[Octave, ...]
     share: float
     chi_square: float
+    foreseen: float
     deviates: tuple[float, ...]
     over_noise: float
     over_error: float
@@ -135,12 +143,11 @@ def measured(name: str) -> MachineMeasures:
     calibration = held_out_deviates(data, fit, shares)
     plain = _compared(first, shares)
     held = ~data.fitted_blocks
+    chi_square, foreseen = held_out_ratios(data, fit)
     found = []
     for k, joint in enumerate(data.joints):
         if data.counts[data.fitted_blocks, k].sum() == 0.0:
             continue
-        count = float(data.counts[held, k].sum())
-        square = float(fit.errors[held, k].sum()) / count if count else np.nan
         friction, apart, ahead = plain.get(joint, ((), np.nan, np.nan))
         blocks = data.counts[held, k]
         found.append(
@@ -148,14 +155,15 @@ def measured(name: str) -> MachineMeasures:
                 joint,
                 tuple(fitted_octaves(data, fit, k)),
                 float(shares[k]),
-                square / float(fit.sigma[k]) ** 2,
+                float(chi_square[k]),
+                float(foreseen[k]),
                 tuple(map(float, calibration[k])),
                 float(fit.sigma[k] / data.noise[k]) if data.noise[k] > 0.0 else np.inf,
                 float(fit.sigma[k] / data.error[k]),
                 friction,
                 apart,
                 ahead,
-                float(shares[k] * np.median(blocks[blocks > 0.0])) if count else np.nan,
+                float(shares[k] * np.median(blocks[blocks > 0.0])) if blocks.any() else np.nan,
             )
         )
     return MachineMeasures(name, tuple(found), data.independent, "", time.process_time() - began)
@@ -193,7 +201,7 @@ def fitted_octaves(data: TorqueData, fit: Fit, joint: int) -> list[Octave]:
 def _compared(data: TorqueData, shares: Array) -> Mapping[str, tuple[tuple[Friction, ...], float, float]]:
     """For each joint friction parameters by both estimators, `JointMeasures.apart` and `held_out`.
 
-    Only of joints with a recorded torque: others fix no scale, which the standard model takes from the robot file.
+    Only of joints with a recorded torque: others fix no scale, and the standard model takes that of the file.
     """
     own = data.standard.estimate
     count = own.values.size
