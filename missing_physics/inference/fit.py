@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, not_credible
 from missing_physics.inference.data import BLOCKS, HELD_OUT, Data
 from missing_physics.inference.problem import Problem
-from missing_physics.standard.fit import FILE, minimise, objective, residual_rms
+from missing_physics.standard.fit import BARRIER, FILE, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import AGREED, HALVINGS
 
@@ -367,14 +367,17 @@ def _impossible(
 def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Array:
     """Standard deviations by the sandwich estimator, at least those for independent errors, shape (Y,).
 
-    The sandwich of the blocks' scores and the prior is valid for any correlation of errors within a block, and
-    nearly for one within a stretch, as it includes neighbouring blocks. But it carries no information on
-    parameters that a single block determines, such as an event's. The number
-    of independent errors follows from the band; the error of any model is added to the residual.
+    The sandwich of the blocks' scores and the prior is valid for any correlation of errors within a block,
+    and nearly for one within a stretch, as it includes neighbouring blocks. But it carries no information on
+    parameters that a single block determines, such as an event's. The number of independent errors follows
+    from the band; the error of any model is added to the residual. The barrier that keeps friction positive
+    is no information: an estimate of zero is as uncertain as any other.
     """
     weight = 1.0 / sigma**2
     free = problem.layout.free
-    hessian = hessian - np.diag(problem.proximal[free])
+    barrier, positive = np.zeros_like(x), problem.layout.positive
+    barrier[positive] = BARRIER / x[positive] ** 2
+    hessian = hessian - np.diag((problem.proximal + barrier)[free])
     size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
     scaled = np.outer(size, size)
     scores = problem.scores(x, weight)[:, free] * size
@@ -401,8 +404,8 @@ def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Arra
 def variance_of_sum(influence: Array, runs: Sequence[int]) -> Array:
     """Variance of the sum of blocks that are correlated within a stretch, from one realisation, shape (Y,).
 
-    The mean square of all sums of `BLOCKS` neighbours gives a covariance the weight of the Bartlett kernel, one
-    minus the distance of two blocks in stretches (Newey and West, Econometrica 55 (1987)).
+    The mean square of all sums of `BLOCKS` neighbours gives a covariance the weight of the Bartlett kernel,
+    one minus the distance of two blocks in stretches (Newey and West, Econometrica 55 (1987)).
 
     Args:
         influence: of each block on the parameters, of mean zero, shape (B, Y).

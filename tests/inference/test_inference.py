@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from recorded_arm import (
     COULOMB,
+    VISCOUS,
     Hidden,
     asymmetric,
     drag,
@@ -300,3 +301,14 @@ def test_variance_of_a_sum_of_correlated_blocks_is_estimated(kept: float, tolera
     true, found = np.var(flat.sum(axis=0)), np.mean(variance_of_sum(flat, runs))
     assert found == pytest.approx(true, rel=tolerance)
     assert found <= 1.05 * true
+
+
+def test_friction_of_zero_is_as_uncertain_as_any_other(arm: Robot) -> None:
+    """The torque that drives the joint a little would have to be negative viscous friction."""
+
+    def driving(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return -(VISCOUS + 0.002) * velocity
+
+    at_bound, inside = (fitted(data_of(arm, hidden), Hypothesis()) for hidden in (driving, nothing))
+    assert at_bound.parameter("joint.viscous") < 1e-3
+    assert at_bound.deviation("joint.viscous") > 0.5 * inside.deviation("joint.viscous")
