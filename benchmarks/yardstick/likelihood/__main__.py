@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from benchmarks.evidence import EVIDENCE, command_line
-from benchmarks.yardstick.likelihood.fits import fit_of
+from benchmarks.yardstick.likelihood.fits import drifting_fit_of, fit_of
 from benchmarks.yardstick.likelihood.page import page
 from benchmarks.yardstick.likelihood.recorded import measured
 from benchmarks.yardstick.machines import machine, rows
@@ -34,7 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog=COMMAND, description=__doc__.splitlines()[0])
     words = "rows of the yardstick; all whose recordings are here when left out"
     parser.add_argument("--machines", nargs="*", metavar="NAME", help=words)
-    parser.add_argument("--fits", type=int, default=400, help="simulated fits")
+    parser.add_argument(
+        "--fits", type=int, default=400, help="simulated fits; half as many with torques that drift"
+    )
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args(arguments)
@@ -42,7 +44,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = [row.name for row in rows() if find_dataset(row.dataset) is not None]
     else:
         names = [machine(name).name for name in given.machines]
-    made = _each(measured, names, given.processes), _each(fit_of, range(given.fits), given.processes)
+    made = (
+        _each(measured, names, given.processes),
+        _each(fit_of, range(given.fits), given.processes),
+        _each(drifting_fit_of, range(given.fits // 2), given.processes),
+    )
     write_atomically(given.out, page(command_line(parser, given, ["fits"]), *made))
 
 

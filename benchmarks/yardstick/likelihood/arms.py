@@ -104,8 +104,8 @@ def arm_of(number: int, *, drift: float = 0.0) -> Arm:
 
     Args:
         number: of the draw.
-        drift: time constant of an additional first-order low-passed noise of the torques [s], as large as their
-            white noise; none if zero.
+        drift: time constant of an additional first-order low-passed noise of the torques [s], as large as
+            their white noise; none if zero.
     """
     random = np.random.default_rng([SEED, number])
     effect, joints = EFFECTS[number % len(EFFECTS)], 1 + number // len(EFFECTS) % 2

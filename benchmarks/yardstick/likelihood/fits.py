@@ -22,8 +22,8 @@ from missing_physics.inference.torques.data import TorqueData
 
 __all__ = ["DRIFT", "FitMeasures", "Interval", "drifting_fit_of", "fit_of"]
 
-#: Time constant of the drift in `drifting_fit_of` [s]: longer than a block of these arms, which is 0.75 s, as the
-#: correlation of the residual is at half of the real joints.
+#: Time constant of the drift in `drifting_fit_of` [s]: longer than a block of these arms, which is 0.75 s, as
+#: the correlation of the residual is at half of the real joints.
 DRIFT = 1.0
 
 

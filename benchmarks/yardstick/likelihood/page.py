@@ -6,34 +6,53 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from benchmarks.evidence import head, number, paragraph, percent, table
+from benchmarks.evidence import bullets, head, paragraph, percent, table
 from benchmarks.yardstick.likelihood.arms import DURATION, EFFECTS, FILE_ERROR, SEED
-from benchmarks.yardstick.likelihood.fits import FitMeasures, Interval
+from benchmarks.yardstick.likelihood.fits import DRIFT, FitMeasures, Interval
 from benchmarks.yardstick.likelihood.measures import FEWEST, clopper_pearson, scatter
 from benchmarks.yardstick.likelihood.recorded import Friction, JointMeasures, MachineMeasures
 
 __all__ = ["page"]
 
+#: Headings of the tables of coverage.
+COVERAGE = (
+    "effect",
+    "parameter",
+    "inside:",
+    "fraction:",
+    "its 95 % interval",
+    "error, mean:",
+    "error, rms:",
+    "error, median size:",
+)
 #: Octaves of the simulated residuals that are listed; few joints have more.
 OCTAVES = 4
 #: A spectrum counts as white where no octave is above or below the mean by more than this factor.
 WHITE = 2.0
 
 
-def page(command: str, machines: Sequence[MachineMeasures], fits: Sequence[FitMeasures]) -> str:
+def page(
+    command: str,
+    machines: Sequence[MachineMeasures],
+    fits: Sequence[FitMeasures],
+    drifting: Sequence[FitMeasures],
+) -> str:
     """The evidence page.
 
     Args:
         command: that makes it.
         machines: of the yardstick.
         fits: of drawn arms.
+        drifting: of drawn arms whose torques drift.
     """
     parts = [head("The likelihood: spectra, calibration, coverage", command=command), INTRODUCTION]
-    parts.append(bullets_of(machines, fits))
+    parts.append(bullets(_found(machines, fits, drifting)))
     if machines:
         parts += [_machines(machines), *_disagreements(machines)]
     if fits:
         parts += [_coverage(fits), _under_the_truth(fits)]
+    if drifting:
+        parts.append(_with_drift(drifting))
     return "\n\n".join(parts) + "\n"
 
 
@@ -46,73 +65,113 @@ INTRODUCTION = paragraph(
 )
 
 
-def bullets_of(machines: Sequence[MachineMeasures], fits: Sequence[FitMeasures]) -> str:
+#: Meaning of the columns of the real machines.
+COLUMNS = (
+    "octaves: smallest and largest power density of the residual in an octave, relative to the mean over the "
+    f"band; octaves have at least {FEWEST} independent samples, the lowest one reaches down to zero",
+    "a: independent samples per row by the residual's autocorrelation, relative to two per period of the "
+    "end of the band; white noise has 0.9 by the shape of the filter",
+    "per block: independent samples of the median held-out block",
+    "held-out / fit, held-out / cross-validated: mean square error of held-out rows relative to that of "
+    "fitted rows, with and without their own fold",
+    "deviates: by the score's Student's t the mean square error of m samples, divided by its level, has an "
+    "F distribution of m and 4 degrees of freedom; mean square of the corresponding standard normal "
+    "deviates of the held-out blocks, whose expectation is one",
+    "residual / noise: rms, relative to the stated or estimated noise of the sensors in the band",
+    "agree: friction parameters and offsets whose intervals overlap, of those that plain weighted least "
+    "squares of the same rows determines (essential base parameters, no prior, covariance with the same a); "
+    "nothing where no torque is recorded",
+    "torques apart: rms difference of the two predicted torques relative to the residual",
+    "plain held-out: error of plain least squares relative to that of the standard model",
+)
+
+
+def _found(
+    machines: Sequence[MachineMeasures], fits: Sequence[FitMeasures], drifting: Sequence[FitMeasures]
+) -> list[str]:
     """What was found, in sentences with numbers."""
-    lines = [*(_of_machines(machines) if machines else ()), *(_of_fits(fits) if fits else ())]
-    return "\n".join(f"- {line}" for line in lines)
+    found = [*(_of_machines(machines) if machines else ()), *(_of_fits(fits) if fits else ())]
+    if drifting:
+        share = [own / fit.white for fit in drifting for own in fit.shares]
+        found.append(
+            f"Where torques also drift with a time constant of {DRIFT:g} s, longer than a block, a falls to "
+            f"{_median(share)} and {_counted(_of_effects(drifting))} of the effects' parameters and "
+            f"{_counted(_of_standards(drifting))} of friction, offsets and delays are inside: intervals of "
+            "what changes slowly are too narrow then."
+        )
+    return found
 
 
 def _of_machines(machines: Sequence[MachineMeasures]) -> Iterator[str]:
     joints = [joint for one in machines for joint in one.joints]
     spectra = [joint.octaves for joint in joints if len(joint.octaves) > 1]
     even = sum(all(1 / WHITE <= own.power <= WHITE for own in found) for found in spectra)
+    noisy = [joint.over_noise for joint in joints]
     yield (
         f"Real machines ({len(machines)} rows, {len(joints)} joints): the standard model's residual is not "
-        f"white. {even} of {len(spectra)} spectra with two octaves or more are within a factor of {WHITE:g} "
-        f"of their mean; the residual is {_median([j.over_noise for j in joints], 0)} times the sensors' "
-        "noise in the median."
+        f"white, and it is model error, not sensor noise. All octaves are within a factor of {WHITE:g} of "
+        f"the mean at {even} of the {len(spectra)} joints with two octaves or more; the residual is "
+        f"{_median(noisy, 0)} times the sensors' noise in the median, at most {WHITE:g} times at "
+        f"{sum(r <= WHITE for r in noisy)} joints."
     )
     short = sum(joint.per_block < 1.0 for joint in joints)
     relative = [joint.share / one.white for one in machines for joint in one.joints]
     yield (
-        f"The score takes correlation into account: it counts {percent(float(np.median(relative)), 0)} of "
-        f"the independent samples of white noise in the median, {percent(min(relative), 0)} at the least. At "
-        f"{short} of {len(joints)} joints a block holds less than one independent sample, which is less than "
-        "intended."
+        f"The score takes the correlation into account: it counts {_median(relative)} times the independent "
+        f"samples of white noise in the median, {min(relative):.2f} at the least. At {short} of "
+        f"{len(joints)} joints a block holds less than one independent sample: blocks are shorter than they "
+        "should be."
     )
     ratio = [j.chi_square for j in joints if np.isfinite(j.chi_square)]
     ahead = [j.foreseen for j in joints if np.isfinite(j.foreseen)]
     yield (
-        f"Chi-square of held-out rows: {_median(ratio)} in the median if the variance is that of the fit's "
-        f"residual, {_median(ahead)} if it is the cross-validated one that the score uses; above two at "
+        f"Chi-square of held-out rows per sample: {_median(ratio)} in the median with the variance of the "
+        f"fit's residual, {_median(ahead)} with the cross-validated one that the score uses; above two at "
         f"{sum(r > 2 for r in ratio)} and {sum(r > 2 for r in ahead)} of {len(ratio)} joints."
     )
     squares = [float(np.mean(np.square(j.deviates))) for j in joints if j.deviates]
     yield (
-        f"Mean square of the held-out deviates, which is one if the score is calibrated: {_median(squares)} "
-        f"in the median joint, {_range(squares)} over nine tenths of the joints."
+        f"Mean square of the held-out deviates, one if the score is calibrated: {_median(squares)} in the "
+        f"median joint, {_range(squares)} at nine tenths of the joints, above two at "
+        f"{sum(own > 2 for own in squares)}."
     )
     pairs = [pair for joint in joints for pair in joint.friction]
     apart = [j.apart for j in joints if np.isfinite(j.apart)]
-    rival = [j.held_out for j in joints if np.isfinite(j.held_out)]
+    rival = np.array([j.held_out for j in joints if np.isfinite(j.held_out)])
     yield (
         f"Plain least squares: {_fraction(sum(p.overlaps for p in pairs), len(pairs))} of friction "
-        "parameters and offsets have 95 % intervals that overlap, "
-        f"{_fraction(sum(p.agrees for p in pairs), len(pairs))} are inside each other's interval. The "
-        f"predicted torques differ by {_median(apart)} of the residual in the median, and held-out errors of "
-        f"plain least squares are {_median(rival)} times those of the standard model."
+        "parameters and offsets have 95 % intervals that overlap with those of the standard model, "
+        f"{_fraction(sum(p.agrees for p in pairs), len(pairs))} are inside each other's interval. Predicted "
+        f"torques differ by {_median(apart)} of the residual in the median. Its held-out error is more than "
+        f"10 % larger at {int(np.sum(rival > 1.1))} joints and more than 10 % smaller at "
+        f"{int(np.sum(rival < 1 / 1.1))} of {rival.size}."
     )
 
 
 def _of_fits(fits: Sequence[FitMeasures]) -> Iterator[str]:
-    own = [one for fit in fits for one in fit.of_effect]
-    standard = [one for fit in fits for one in fit.of_standard]
     yield (
-        f"Coverage over {len(fits)} simulated fits of the true hypothesis: {_counted(own)} of the effects' "
-        f"parameters and {_counted(standard)} of friction, offsets and delays are inside their 95 % "
-        "intervals."
+        f"Coverage over {len(fits)} simulated fits of the true hypothesis: {_counted(_of_effects(fits))} of "
+        f"the effects' parameters and {_counted(_of_standards(fits))} of friction, offsets and delays are "
+        "inside their 95 % intervals."
     )
     ratio, ahead = _ratios(fits)
     spectra = [found for fit in fits for found in fit.octaves if len(found) > 1]
     mean = float(np.mean([scatter(found) for found in spectra]))
     squares = [d**2 for fit in fits for d in fit.deviates]
     yield (
-        f"Under the truth: octaves deviate from one by {number(mean)} times the variance of white noise; "
-        f"chi-square of held-out rows is {_median(ratio)} with the variance of the fit's residual, "
-        f"{_median(ahead)} with the cross-validated one; held-out deviates have a mean square of "
-        f"{number(float(np.mean(squares)))}, since the score allows a scatter of the variance that simulated "
-        "noise does not have."
+        f"Under the truth octaves scatter {mean:.2f} times as much as those of white noise; chi-square of "
+        f"held-out rows is {_median(ratio)} with the variance of the fit's residual and {_median(ahead)} "
+        f"with the cross-validated one; the deviates' mean square is {float(np.mean(squares)):.2f}, since "
+        "the score allows a scatter of the variance that simulated noise does not have."
     )
+
+
+def _of_effects(fits: Sequence[FitMeasures]) -> list[Interval]:
+    return [one for fit in fits for one in fit.of_effect]
+
+
+def _of_standards(fits: Sequence[FitMeasures]) -> list[Interval]:
+    return [one for fit in fits for one in fit.of_standard]
 
 
 def _machines(machines: Sequence[MachineMeasures]) -> str:
@@ -139,20 +198,7 @@ def _machines(machines: Sequence[MachineMeasures]) -> str:
     return "\n\n".join(
         [
             "## Real machines",
-            "Octaves: smallest and largest power density of the residual in an octave relative to the mean "
-            f"over the band; octaves have at least {FEWEST} independent samples, and the lowest one reaches "
-            "down to zero. a: independent samples per row by the residual's autocorrelation, relative to "
-            "white noise in the band. Per block: independent samples of the median held-out block. Held-out: "
-            "mean square error relative to that of fitted rows, with and without their own fold. Deviates: "
-            "if the Student's t of the score is right, the mean square error of a block of m samples over "
-            "its level has an F distribution of m and 4 degrees of freedom; the column is the mean square of "
-            "the corresponding standard normal deviates, whose expectation is one. "
-            "Residual / noise: rms relative to the stated or estimated noise of the sensors in the band.\n\n"
-            "Agree: friction parameters and offsets whose intervals overlap, of those that plain least "
-            "squares of the same rows determines (essential base parameters by singular values, no prior, "
-            "covariance with the same a). Torques apart: rms difference of the predicted torques relative "
-            "to the residual. Plain held-out: error of plain least squares relative to the standard "
-            "model's. Joints without a recorded torque have none of these.",
+            bullets(COLUMNS),
             table(headings, rows),
             f"Standard models of all machines took {total:.0f} s of one processor."
             + (f" Not measured: {'; '.join(refused)}." if refused else ""),
@@ -191,13 +237,13 @@ def _disagreements(machines: Sequence[MachineMeasures]) -> Iterator[str]:
     if not rows:
         yield "Nowhere."
         return
-    counts = "; ".join(f"{words}: {count}" for words, count in sorted(why.items(), key=lambda item: -item[1]))
+    ordered = sorted(why.items(), key=lambda item: -item[1])
+    counts = "; ".join(f"{words}: {count}" for words, count in ordered)
     yield (
-        "Estimates with half of their 95 % intervals. Friction of the standard model is not negative; plain "
-        "least squares of a torque measured behind the gear, or of a motion that hardly determines it, is. "
-        "Bodies of the standard model have a prior around the robot file and are realisable; where plain "
-        "least squares of friction alone, with these bodies, agrees, the difference is due to them. "
-        f"{counts}."
+        f"Estimates with half of their 95 % intervals. {counts[:1].upper()}{counts[1:]}. The standard model "
+        "does not allow negative friction, which plain least squares finds where something else acts against "
+        "it; its bodies are realisable and have a prior around the robot file, and where plain least squares "
+        "of friction alone, with these bodies, agrees, the difference is due to them."
     )
     yield table(("machine", "joint", "parameter", "standard model:", "plain:", "cause"), rows)
 
@@ -220,23 +266,39 @@ def _coverage(fits: Sequence[FitMeasures]) -> str:
     for words, quiet in (("noise above the model's error", False), ("noise below it", True)):
         own = [one for fit in fits if fit.quiet is quiet for one in (*fit.of_effect, *fit.of_standard)]
         rows.append([words, "all", *_row(own)])
-    whole = [one for fit in fits for one in (*fit.of_effect, *fit.of_standard)]
-    rows.append(["all", "all", *_row(whole)])
+    rows.append(["all", "all", *_row([*_of_effects(fits), *_of_standards(fits)])])
     refused = [f"{fit.number} ({fit.effect}: {fit.refused})" for fit in fits if fit.refused]
     words = (
         f"Arm k of one or two joints is drawn with the seed ({SEED}, k), k from 0 to {len(fits) - 1}: "
         f"masses, motions of four sines below 0.7 Hz for {DURATION:g} s at 100, 200 or 500 Hz, friction, "
         "offsets, a delay of all torques of about a sample, and in turn none or one of six effects of 5 to "
-        "50 % of the torque. Torques are exact along the analytic motion, plus 1 to 10 % of white noise; the "
+        "50 % of the torque. Torques are exact along the analytic motion, with 1 to 10 % of white noise; the "
         f"file's masses are off by {FILE_ERROR:.0%}, and it has no friction. The true hypothesis is fitted "
-        "from the starting values that the search would take; a second recording is held out. Fraction: with "
-        "its 95 % interval (Clopper and Pearson). Error: rms of estimate minus truth in stated standard "
-        "deviations, one if these are right; median: of its absolute value, 0.67 if Gaussian. The model's "
-        "own error of 0.3 % of the torque is part of every interval, and no simulated torque has it."
+        "from the starting values that the search takes; a second recording is held out. Errors are in "
+        "stated standard deviations: their rms is one if these are right, the median of their size 0.67 if "
+        "they are Gaussian, and their mean zero if there is no bias. Every interval includes the model's own "
+        "error of 0.3 % of the torque, which no simulated torque has: where the noise in the band is "
+        "smaller, intervals are wide on purpose."
     )
-    heads = ("effect", "parameter", "inside:", "fraction:", "interval", "error, rms:", "error, median:")
     refusal = [f"Fits that a search would discard as impossible: {'; '.join(refused)}."] if refused else []
-    return "\n\n".join(["## Coverage of the intervals", words, table(heads, rows), *refusal])
+    return "\n\n".join(["## Coverage of the intervals", words, table(COVERAGE, rows), *refusal])
+
+
+def _with_drift(fits: Sequence[FitMeasures]) -> str:
+    rows = []
+    for name in dict.fromkeys(one.name for fit in fits for one in fit.of_standard):
+        rows.append(["standard model", name, *_row([one for one in _of_standards(fits) if one.name == name])])
+    for effect in filter(None, EFFECTS):
+        own = [one for fit in fits if fit.effect == effect for one in fit.of_effect]
+        rows.append([f"`{effect}`", "all", *_row(own)])
+    rows.append(["all", "all", *_row([*_of_effects(fits), *_of_standards(fits)])])
+    words = (
+        f"The first {len(fits)} arms again, whose torques also have first-order noise with a time constant "
+        f"of {DRIFT:g} s, as large as the white noise of a sample; all of it is in the band. A block of "
+        "these arms lasts 0.75 s, so that the correlation reaches over several blocks, as at many real "
+        "joints. Intervals include the correlation of blocks within a stretch, of which there are only eight."
+    )
+    return "\n\n".join(["## Coverage with torques that drift", words, table(COVERAGE, rows)])
 
 
 def _row(own: Sequence[Interval]) -> list[str]:
@@ -247,6 +309,7 @@ def _row(own: Sequence[Interval]) -> list[str]:
         f"{hits}/{len(own)}",
         percent(hits / max(len(own), 1), 1),
         f"{100 * low:.0f} to {100 * high:.0f} %",
+        f"{np.mean(errors):+.2f}",
         f"{np.sqrt(np.mean(errors**2)):.2f}",
         f"{np.median(np.abs(errors)):.2f}",
     ]
@@ -259,11 +322,11 @@ def _under_the_truth(fits: Sequence[FitMeasures]) -> str:
         powers = [found[k].power for found in joints if len(found) > max(k, 1)]
         if powers:
             words = f"power in octave {k + 1} below the end of the band"
-            rows.append([words, "1", number(float(np.mean(powers))), *_tenths(powers)])
+            rows.append([words, "1", *_three(powers)])
     several = [found for found in joints if len(found) > 1]
     rows.append(["scatter of octaves", "1", *_three([scatter(found) for found in several])])
     share = [own / fit.white for fit in fits for own in fit.shares]
-    rows.append(["a, relative to white noise", "1", *_three(share)])
+    rows.append(["a", "0.9", *_three(share)])
     ratio, ahead = _ratios(fits)
     rows.append(["held-out / fit", "above 1", *_three(ratio)])
     rows.append(["held-out / cross-validated", "1", *_three(ahead)])
@@ -278,7 +341,11 @@ def _under_the_truth(fits: Sequence[FitMeasures]) -> str:
         "deviates are below one: the score is cautious there."
     )
     return "\n\n".join(
-        ["## Under the truth", words, table(("measure", "expected:", "mean:", "5 %:", "95 %:"), rows)]
+        [
+            "## Under the truth",
+            words,
+            table(("measure", "expected:", "mean:", "median:", "5 %:", "95 %:"), rows),
+        ]
     )
 
 
@@ -288,11 +355,11 @@ def _ratios(fits: Sequence[FitMeasures]) -> tuple[list[float], list[float]]:
 
 
 def _three(values: Sequence[float]) -> list[str]:
-    return [number(float(np.mean(values))), *_tenths(values)]
+    return [f"{float(np.mean(values)):.2f}", f"{float(np.median(values)):.2f}", *_tenths(values)]
 
 
 def _tenths(values: Sequence[float]) -> list[str]:
-    return [number(float(np.quantile(values, q))) for q in (0.05, 0.95)]
+    return [f"{float(np.quantile(values, q)):.2f}" for q in (0.05, 0.95)]
 
 
 def _range(values: Sequence[float]) -> str:
