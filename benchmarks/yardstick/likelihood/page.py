@@ -127,7 +127,9 @@ def _of_machines(machines: Sequence[MachineMeasures]) -> Iterator[str]:
     yield (
         f"Chi-square of held-out rows per sample: {_median(ratio)} in the median with the variance of the "
         f"fit's residual, {_median(ahead)} with the cross-validated one that the score uses; above two at "
-        f"{sum(r > 2 for r in ratio)} and {sum(r > 2 for r in ahead)} of {len(ratio)} joints."
+        f"{sum(r > 2 for r in ratio)} and {sum(r > 2 for r in ahead)} of {len(ratio)} joints. The first is "
+        "largest where a motion is short or the held-out one differs from it; the score's own folds show the "
+        "former only."
     )
     squares = [float(np.mean(np.square(j.deviates))) for j in joints if j.deviates]
     yield (
@@ -243,7 +245,9 @@ def _disagreements(machines: Sequence[MachineMeasures]) -> Iterator[str]:
         f"Estimates with half of their 95 % intervals. {counts[:1].upper()}{counts[1:]}. The standard model "
         "does not allow negative friction, which plain least squares finds where something else acts against "
         "it; its bodies are realisable and have a prior around the robot file, and where plain least squares "
-        "of friction alone, with these bodies, agrees, the difference is due to them."
+        "of friction alone, with these bodies, agrees, the difference is due to them. In this first fit the "
+        "interval of an estimate of zero is that of the barrier that keeps it positive, and too narrow; those "
+        "that a diagnosis states are not."
     )
     yield table(("machine", "joint", "parameter", "standard model:", "plain:", "cause"), rows)
 
