@@ -30,7 +30,7 @@ EFFECTS = (
     "external_torque",
 )
 #: First number of the seeds.
-SEED = 61000
+SEED = 62000
 GRAVITY = 9.81
 #: Duration of each of the two recordings [s], and their possible sampling rates [Hz].
 DURATION, RATES = 30.0, (100.0, 200.0, 500.0)

@@ -57,11 +57,9 @@ def page(
 
 
 INTRODUCTION = paragraph(
-    "The score of a hypothesis supposes residuals of known spectrum and scatter, and the intervals of its "
-    "parameters",
-    "that it is right. This page measures both: on real machines for the standard model, and on simulated "
-    "arms for",
-    "the hypothesis that made them. Nothing here is adjusted to the result.",
+    "The score of a hypothesis supposes a scatter of its residuals, and the intervals of its parameters that",
+    "the hypothesis is right. This page measures both: on real machines for the standard model, and on simulated",
+    "arms for the hypothesis that made them.",
 )
 
 
@@ -117,10 +115,10 @@ def _of_machines(machines: Sequence[MachineMeasures]) -> Iterator[str]:
     short = sum(joint.per_block < 1.0 for joint in joints)
     relative = [joint.share / one.white for one in machines for joint in one.joints]
     yield (
-        f"The score takes the correlation into account: it counts {_median(relative)} times the independent "
-        f"samples of white noise in the median, {min(relative):.2f} at the least. At {short} of "
-        f"{len(joints)} joints a block holds less than one independent sample: blocks are shorter than they "
-        "should be."
+        "The score takes the correlation into account: of the samples that the band passes it counts "
+        f"{_median(relative)} in the median and {min(relative):.2f} at the least; of white noise, 0.90. "
+        f"At {short} of {len(joints)} joints a block holds less than one independent sample: blocks are "
+        "shorter than they should be."
     )
     ratio = [j.chi_square for j in joints if np.isfinite(j.chi_square)]
     ahead = [j.foreseen for j in joints if np.isfinite(j.foreseen)]
@@ -246,8 +244,8 @@ def _disagreements(machines: Sequence[MachineMeasures]) -> Iterator[str]:
         "does not allow negative friction, which plain least squares finds where something else acts against "
         "it; its bodies are realisable and have a prior around the robot file, and where plain least squares "
         "of friction alone, with these bodies, agrees, the difference is due to them. In this first fit the "
-        "interval of an estimate of zero is that of the barrier that keeps it positive, and too narrow; those "
-        "that a diagnosis states are not."
+        "interval of an estimate of zero is that of the barrier that keeps it positive, and too narrow; the "
+        "intervals of a diagnosis do not include the barrier."
     )
     yield table(("machine", "joint", "parameter", "standard model:", "plain:", "cause"), rows)
 
@@ -344,13 +342,8 @@ def _under_the_truth(fits: Sequence[FitMeasures]) -> str:
         "variance, so blocks differ less than the four degrees of freedom of the score allow, and the "
         "deviates are below one: the score is cautious there."
     )
-    return "\n\n".join(
-        [
-            "## Under the truth",
-            words,
-            table(("measure", "expected:", "mean:", "median:", "5 %:", "95 %:"), rows),
-        ]
-    )
+    headings = "measure", "expected:", "mean:", "median:", "5 %:", "95 %:"
+    return "\n\n".join(["## Under the truth", words, table(headings, rows)])
 
 
 def _ratios(fits: Sequence[FitMeasures]) -> tuple[list[float], list[float]]:
