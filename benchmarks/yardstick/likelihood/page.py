@@ -58,8 +58,8 @@ def page(
 
 INTRODUCTION = paragraph(
     "The score of a hypothesis supposes a scatter of its residuals, and the intervals of its parameters that",
-    "the hypothesis is right. This page measures both: on real machines for the standard model, and on simulated",
-    "arms for the hypothesis that made them.",
+    "it is true. This page measures both: on real machines for the standard model, and on simulated arms for",
+    "the hypothesis that made them.",
 )
 
 
@@ -275,8 +275,8 @@ def _coverage(fits: Sequence[FitMeasures]) -> str:
         f"masses, motions of four sines below 0.7 Hz for {DURATION:g} s at 100, 200 or 500 Hz, friction, "
         "offsets, a delay of all torques of about a sample, and in turn none or one of six effects of 5 to "
         "50 % of the torque. Torques are exact along the analytic motion, with 1 to 10 % of white noise; the "
-        f"file's masses are off by {FILE_ERROR:.0%}, and it has no friction. The true hypothesis is fitted "
-        "from the starting values that the search takes; a second recording is held out. Errors are in "
+        f"file's masses are off by {percent(FILE_ERROR, 0)}, and it has no friction. The true hypothesis is "
+        "fitted from the starting values that the search takes; a second recording is held out. Errors are in "
         "stated standard deviations: their rms is one if these are right, the median of their size 0.67 if "
         "they are Gaussian, and their mean zero if there is no bias. Every interval includes the model's own "
         "error of 0.3 % of the torque, which no simulated torque has: where the noise in the band is "
