@@ -108,6 +108,7 @@ evidence: $(STAMP)
 	$(BIN)/python -m benchmarks.speed.diagnosis_time
 	$(BIN)/python -m benchmarks.speed.long_recording
 	$(BIN)/python -m benchmarks.friction.study
+	$(BIN)/python -m benchmarks.yardstick.likelihood
 	$(BIN)/python -m benchmarks.machines.readme
 
 lint: $(STAMP)

@@ -22,7 +22,7 @@ from missing_physics.standard.layout import Layout
 from missing_physics.standard.normal import Normal, Places, acting, total_of
 from robot_model import Robot
 
-__all__ = ["HELD_OUT", "MANY", "Block", "Columns", "Data", "blocks_of", "held_out_windows"]
+__all__ = ["BLOCKS", "HELD_OUT", "MANY", "Block", "Columns", "Data", "blocks_of", "held_out_windows"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, not_credible
-from missing_physics.inference.data import HELD_OUT, Data
+from missing_physics.inference.data import BLOCKS, HELD_OUT, Data
 from missing_physics.inference.problem import Problem
-from missing_physics.standard.fit import FILE, minimise, objective, residual_rms
+from missing_physics.standard.fit import BARRIER, FILE, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import AGREED, HALVINGS
 
@@ -29,6 +29,7 @@ __all__ = [
     "fitted",
     "of_one_fold",
     "residuals",
+    "variance_of_sum",
     "with_other_file_parameters",
 ]
 
@@ -367,21 +368,26 @@ def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Arra
     """Standard deviations by the sandwich estimator, at least those for independent errors, shape (Y,).
 
     The sandwich of the blocks' scores and the prior is valid for any correlation of errors within a block,
-    but carries no information on parameters that a single block determines, such as an event's. The number
-    of independent errors follows from the band; the error of any model is added to the residual.
+    and nearly for one within a stretch, as it includes neighbouring blocks. But it carries no information on
+    parameters that a single block determines, such as an event's. The number of independent errors follows
+    from the band; the error of any model is added to the residual. The barrier that keeps friction positive
+    is no information: an estimate of zero is as uncertain as any other.
     """
     weight = 1.0 / sigma**2
     free = problem.layout.free
-    hessian = hessian - np.diag(problem.proximal[free])
+    barrier, positive = np.zeros_like(x), problem.layout.positive
+    barrier[positive] = BARRIER / x[positive] ** 2
+    hessian = hessian - np.diag((problem.proximal + barrier)[free])
     size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
     scaled = np.outer(size, size)
     scores = problem.scores(x, weight)[:, free] * size
-    scores -= scores.mean(axis=0)
     inverse = np.linalg.pinv(hessian * scaled, hermitian=True)
-    factor = len(scores) / max(len(scores) - 1, 1)
+    influence = np.zeros((len(problem.data.blocks), len(size)))
+    influence[problem.data.fitted_blocks] = (scores - scores.mean(axis=0)) @ inverse
+    factor = len(scores) / max(len(scores) - BLOCKS, 1)
     rows = problem.total.weighted(weight)[0][np.ix_(free, free)]
     prior = (hessian - rows) * scaled
-    variance = factor * np.sum((scores @ inverse) ** 2, axis=0) + np.einsum(
+    variance = factor * variance_of_sum(influence, [b.run for b in problem.data.blocks]) + np.einsum(
         "xy,yz,zx->x", inverse, prior, inverse, optimize=True
     )
     least = problem.data.independent / (sigma**2 + problem.data.error**2)
@@ -392,6 +398,25 @@ def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Arra
     if problem.layout.scale.any():  # in proportion to the file's bodies
         own = problem.data.layout.gaussian
         found[own] = np.where(found[own] > 0.0, np.hypot(found[own], FILE * x[own]), 0.0)
+    return found
+
+
+def variance_of_sum(influence: Array, runs: Sequence[int]) -> Array:
+    """Variance of the sum of blocks that are correlated within a stretch, from one realisation, shape (Y,).
+
+    The mean square of all sums of `BLOCKS` neighbours gives a covariance the weight of the Bartlett kernel,
+    one minus the distance of two blocks in stretches (Newey and West, Econometrica 55 (1987)).
+
+    Args:
+        influence: of each block on the parameters, of mean zero, shape (B, Y).
+        runs: recording of each block, shape (B,).
+    """
+    found = np.zeros(influence.shape[1])
+    for run in set(runs):
+        own = influence[np.array(runs) == run]
+        nothing = np.zeros((BLOCKS, influence.shape[1]))
+        total = np.cumsum(np.concatenate([nothing, own, nothing[1:]]), axis=0)
+        found += np.sum((total[BLOCKS:] - total[:-BLOCKS]) ** 2, axis=0) / BLOCKS
     return found
 
 

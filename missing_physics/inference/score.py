@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, residuals
 
-__all__ = ["block_scores", "independent_shares", "unpredicted"]
+__all__ = ["SCATTER", "block_scores", "independent_shares", "levels", "unpredicted"]
 
 Array = NDArray[np.float64]
 
@@ -38,15 +38,26 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
     counts, own = data.counts, data.error**2
     square = fit.errors / np.maximum(counts, 1.0) + own
     samples = shares * counts
+    level = levels(square, samples)
+    apart = np.log1p(samples * square / (SCATTER * level))
+    each = -0.5 * samples * np.log(level) - 0.5 * (SCATTER + samples) * apart
+    each -= unpredicted(shares * fit.cut, data.size, level)
+    return np.asarray(np.where(samples > 0.0, each, 0.0).sum(axis=1))
+
+
+def levels(square: Array, samples: Array) -> Array:
+    """Level s_j^2 of the variance of each joint at the maximum of the likelihood, shape (n,).
+
+    Args:
+        square: mean square error of each block, shape (B, n).
+        samples: number of independent ones, shape (B, n).
+    """
     total = np.maximum(samples.sum(axis=0), 1e-300)
     level = np.maximum((samples * square).sum(axis=0) / total, 1e-300)
     for _ in range(ROUNDS):  # iterate weights and level of the t
         weight = (SCATTER + samples) / (SCATTER + samples * square / level)
         level = np.maximum((weight * samples * square).sum(axis=0) / total, 1e-300)
-    apart = np.log1p(samples * square / (SCATTER * level))
-    each = -0.5 * samples * np.log(level) - 0.5 * (SCATTER + samples) * apart
-    each -= unpredicted(shares * fit.cut, data.size, level)
-    return np.asarray(np.where(samples > 0.0, each, 0.0).sum(axis=1))
+    return np.asarray(level)
 
 
 def unpredicted(samples: Array, size: Array, level: Array) -> Array:

@@ -29,7 +29,7 @@ from missing_physics.inference.screening import Screen, ScreenedCandidate
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 from reference_model.effects.base import JointEffect
 
-__all__ = ["search"]
+__all__ = ["search", "standard_search"]
 
 Array = NDArray[np.float64]
 
@@ -83,21 +83,29 @@ def _all_complete(state: Search[Any]) -> Fit:
             state.settled(fit)
 
 
-def _initial_state(data: D) -> Search[D]:
-    """The initial fits: the standard model, with and without parameters taken from the robot file.
+def standard_search(data: D) -> Search[D]:
+    """The search before anything is tried: the fit of the standard model.
 
-    Both also with the file's friction laws, if any. The common delay of all torques is estimated first, then
-    the additional delays of single joints.
+    The common delay of all torques is estimated first, then the additional delays of single joints.
     """
     state = _linearised_search(data, Hypothesis().taking_from_file(*data.delays))
     if not _is_possible(data, state.standard):
         state = _linearised_search(data, _without_delays(data, Hypothesis()))
-    first = state.standard
-    standard = state.standard = state.settled(_with_possible_delays(state, Hypothesis(), first))
+    state.standard = state.settled(_with_possible_delays(state, Hypothesis(), state.standard))
+    return state
+
+
+def _initial_state(data: D) -> Search[D]:
+    """The initial fits: the standard model, with and without parameters taken from the robot file.
+
+    Both also with the file's friction laws, if any.
+    """
+    state = standard_search(data)
+    made, standard = tuple(state.made.values()), state.standard
     known = _with_laws(data)
     held = {name for name, _ in known.held}
     file = known.taking_from_file(*(name for name in file_parameters(data) if name not in held))
-    starts = [first, standard, state.keep(_fitted(state, file, standard))]
+    starts = [*made, state.keep(_fitted(state, file, standard))]
     if data.laws:
         starts.append(state.settled(_with_possible_delays(state, known, standard)))
     plain = _simplified(state, max(state.made.values(), key=state.score))

@@ -105,6 +105,19 @@ def test_torque_gain_is_relative_to_the_commanded_torque(data: TorqueData, gain:
     assert found[:, 1] == pytest.approx(-needed / (1.0 + gain) ** 2, rel=1e-5, abs=1e-9)
 
 
+def test_ripple_is_relative_to_the_torque_that_compensates_it(data: TorqueData) -> None:
+    """The motion needs u + (a + r u) cos(k q), so that u lacks some of the ripple itself."""
+    run, order, cogging, share = data.runs[0], 3.0, 0.4, 0.2
+    values = {"order": order, "cosine": cogging, "sine": 0.0, "cosine_per_torque": share}
+    term = Term.of(get_effect("torque_ripple"), "joint", values)
+    wave, needed = np.cos(order * run.motion.position[:, 0]), run.needed[:, 0]
+    u = (needed - cogging * wave) / (1.0 + share * wave)
+    expected = run.reduce_at(0, np.column_stack([u - needed, -u * wave / (1.0 + share * wave)]))
+    found = columns_of(term, run, 0)[:, 0]
+    by_share = 1 + [p.name for p in term.free].index("cosine_per_torque")
+    assert found[:, [0, by_share]] == pytest.approx(expected, rel=1e-5, abs=1e-9)
+
+
 def test_gear_share_of_friction_is_relative_to_the_torque_that_overcomes_it(data: TorqueData) -> None:
     """u = needed + share |u| sgn(v): more than the share of what is needed if driving, less if braking."""
     run, share = data.runs[0], 0.3

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from recorded_arm import (
     COULOMB,
+    VISCOUS,
     Hidden,
     asymmetric,
     drag,
@@ -24,7 +25,7 @@ from scipy.stats import multivariate_normal
 from missing_physics.answer.guard import guarded
 from missing_physics.hypotheses import TIMING, Candidate, Hypothesis, Term
 from missing_physics.inference import fitted, search, weighed
-from missing_physics.inference.fit import Precision, residuals
+from missing_physics.inference.fit import Precision, residuals, variance_of_sum
 from missing_physics.inference.ledger import prior, stated
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Screen
@@ -287,3 +288,27 @@ def test_rotor_inertia_missing_in_the_file_is_not_penalised(arm: Robot) -> None:
     free = fitted(data, Hypothesis())
     held = fitted(data, Hypothesis().taking_from_file("joint.reflected_inertia"))
     assert prior(data, free, np.ones(1)) == pytest.approx(prior(data, held, np.ones(1)))
+
+
+@pytest.mark.parametrize(("kept", "tolerance"), [(0.0, 0.05), (0.5, 0.3)])
+def test_variance_of_a_sum_of_correlated_blocks_is_estimated(kept: float, tolerance: float) -> None:
+    """Blocks of three recordings, of each of which a fraction passes on to the next one."""
+    random = np.random.default_rng(5)
+    blocks = random.standard_normal((3, 40, 4000))
+    for b in range(1, 40):
+        blocks[:, b] = kept * blocks[:, b - 1] + np.sqrt(1.0 - kept**2) * blocks[:, b]
+    flat, runs = blocks.reshape(120, -1), np.repeat(np.arange(3), 40).tolist()
+    true, found = np.var(flat.sum(axis=0)), np.mean(variance_of_sum(flat, runs))
+    assert found == pytest.approx(true, rel=tolerance)
+    assert found <= 1.05 * true
+
+
+def test_friction_of_zero_is_as_uncertain_as_any_other(arm: Robot) -> None:
+    """The torque that drives the joint a little would have to be negative viscous friction."""
+
+    def driving(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return -(VISCOUS + 0.002) * velocity
+
+    at_bound, inside = (fitted(data_of(arm, hidden), Hypothesis()) for hidden in (driving, nothing))
+    assert at_bound.parameter("joint.viscous") < 1e-3
+    assert at_bound.deviation("joint.viscous") > 0.5 * inside.deviation("joint.viscous")

@@ -295,7 +295,7 @@ def _signals(
             for _ in range(SIDES):
                 own[:, TORQUE] = signals[:, TORQUE] - along.torque(own, term.parameters)
         return own, 1.0
-    if effect.shares_torque and not term.in_rows:
+    if effect.uses_torque and not effect.cuts_torque and not term.in_rows:
         return _compensated(term, signals, along)
     return signals, 1.0
 
