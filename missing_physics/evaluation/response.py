@@ -161,23 +161,22 @@ def vibrating(
         start: deflection and rate at the first instant, shape (..., s, C) each; zero when None.
         implicit: Newmark's beta, a number or matrices (..., s, s) (`newmark`).
     """
-    unit = np.eye(inertia.shape[-1])
-    weight = step**2 * (np.asarray(implicit) if np.ndim(implicit) else implicit * unit)
+    modes = inertia.shape[-1]
+    weight = step**2 * (np.asarray(implicit) if np.ndim(implicit) else implicit * np.eye(modes))
     damping, stiffness = (np.broadcast_to(part, inertia.shape) for part in (damping, stiffness))
     solver = np.linalg.inv(inertia + step / 2 * damping + stiffness @ weight)
+    answer, pushed = solver @ np.concatenate([stiffness, damping], axis=-1), solver @ force
     place, rate = np.zeros((2, *force.shape[1:])) if start is None else start
     first = np.linalg.solve(inertia[0], force[0] - stiffness[0] @ place - damping[0] @ rate)
-    half, modes = step / 2, force.shape[-2]
-    held = np.concatenate([stiffness, damping], axis=-1)
-    state = np.concatenate([place - weight @ first, rate - half * first], axis=-2)
-    onwards = np.block([[unit, step * unit], [np.zeros_like(unit), unit]])
-    kick = np.vstack([step**2 * unit, step * unit])
-    states, found = np.empty((len(force), *state.shape)), np.empty(force.shape)
-    for k in range(len(force)):  # the state is the predicted part of the method
+    state = np.concatenate([place - weight @ first, rate - step / 2 * first], axis=-2)
+    places, rates = state[..., :modes, :], state[..., modes:, :]  # the predicted part of the method
+    states = np.empty((len(force), *state.shape))
+    for k in range(len(force)):
         states[k] = state
-        found[k] = solver[k] @ (force[k] - held[k] @ state)
-        state = onwards @ state + kick @ found[k]
-    return states[..., :modes, :] + weight @ found, states[..., modes:, :] + half * found, found
+        pushed[k] -= answer[k] @ state
+        places += step * (rates + step * pushed[k])
+        rates += step * pushed[k]
+    return states[..., :modes, :] + weight @ pushed, states[..., modes:, :] + step / 2 * pushed, pushed
 
 
 def newmark(inertia: Array, stiffness: Array, step: float) -> Array:

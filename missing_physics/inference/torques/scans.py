@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Candidate, Hypothesis, Term
 from missing_physics.inference.torques.runs import Run
-from missing_physics.inference.torques.yielding import rows_of_yielding
+from missing_physics.inference.torques.yielding import WIDER, frequencies_of, rows_of_yielding
 from reference_model.effects.base import Extent
 from reference_model.effects.catalogue import catalogue
 from reference_model.effects.structure import StructureEffect
@@ -25,8 +25,10 @@ __all__ = ["Scan", "scanned", "scans_of"]
 
 Array = NDArray[np.float64]
 
+#: Most instants of a scan over all recordings, from their starts: over a hundred periods of the band's end.
+INSTANTS = 1000
 #: Robots that are computed together, which limits memory.
-TOGETHER = 64
+TOGETHER = 16
 #: Most starting values of one effect at one place, and over all of them.
 PEAKS, STARTS = 2, 6
 #: Fraction of the columns' total size below which a direction counts as not determined [-].
@@ -40,8 +42,8 @@ class Scan:
     Attributes:
         effect, at: the effect and its place.
         starts: parameters of each grid point.
-        torques: in the rows of each recording, zero where nothing is compared, shape (K, n, V, 1 + S) each
-            (`yielding.rows_of_yielding`).
+        torques: in the first rows of each recording, zero where nothing is compared, shape (K, n, V, 1 + S)
+            each (`yielding.rows_of_yielding`).
     """
 
     effect: StructureEffect
@@ -67,16 +69,32 @@ def _scans(robot: Robot, runs: Sequence[Run], extent: Extent) -> Iterator[Scan]:
                 effect.changed(robot, at, starts[0])
             except InputError:
                 continue
-            yield Scan(effect, at, tuple(starts), tuple(_torques(effect, at, starts, run) for run in runs))
+            starts = _slow(effect, at, starts, runs[0])
+            most = INSTANTS // len(runs)
+            torques = tuple(_torques(effect, at, starts, run, most) for run in runs)
+            yield Scan(effect, at, tuple(starts), torques)
+
+
+def _slow(
+    effect: StructureEffect, at: str, starts: Sequence[dict[str, float]], run: Run
+) -> list[dict[str, float]]:
+    """Starting values with a resonance in the band, and the softest of the others.
+
+    Below its resonances what yields follows the forces at once, with torques in proportion to its softness.
+    """
+    slowest = np.array([frequencies_of(effect, at, run, p)[0] for p in starts])
+    inside = slowest < 2.0 * np.pi * WIDER * run.motion.cutoff
+    softest = np.where(inside, np.inf, slowest).argmin()
+    return [start for k, start in enumerate(starts) if inside[k] or k == softest]
 
 
 def _torques(
-    effect: StructureEffect, at: str, starts: Sequence[dict[str, float]], run: Run
+    effect: StructureEffect, at: str, starts: Sequence[dict[str, float]], run: Run, most: int
 ) -> NDArray[np.float32]:
     """Torques in the rows of one recording, shape (K, n, V, 1 + S); unused free vibrations are zero."""
     parts = []
     for first in range(0, len(starts), TOGETHER):
-        rows = rows_of_yielding(effect, at, run, starts[first : first + TOGETHER])
+        rows = rows_of_yielding(effect, at, run, starts[first : first + TOGETHER], most)
         parts.append(rows.astype(np.float32))
     most = max(part.shape[3] for part in parts)
     wide = [np.pad(part, ((0, 0), (0, 0), (0, 0), (0, most - part.shape[3]))) for part in parts]
@@ -103,7 +121,10 @@ def scanned(
     wanted = [scan for scan in scans if (scan.effect.id, scan.at) not in present]
     if not wanted:
         return []
-    fitted = [own.any(axis=1) for own in residual]
+    lengths = [len(own) for own in wanted[0].torques]
+    fitted = [own[:length].any(axis=1) for own, length in zip(residual, lengths)]
+    designs = [own[:length] for own, length in zip(designs, lengths)]
+    residual = [own[:length] for own, length in zip(residual, lengths)]
     columns = _stacked([d[rows] / sigma[:, None] for d, rows in zip(designs, fitted)])
     columns /= np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
     known = np.linalg.qr(np.vstack([columns, RIDGE**0.5 * np.eye(columns.shape[1])]))[0][: len(columns)]

@@ -41,7 +41,7 @@ from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
 from robot_model import Robot
 
-__all__ = ["of_yielding", "rows_of_yielding", "torques_of_yielding"]
+__all__ = ["WIDER", "frequencies_of", "of_yielding", "rows_of_yielding", "torques_of_yielding"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -50,6 +50,8 @@ Values = Mapping[str, float]
 DENSER = 2 * SAMPLES_PER_PERIOD
 #: Cut-off of the forces before their samples are thinned, in terms of the band's end.
 WIDER = 2.0
+#: Samples of an interpolation.
+SIX = 6
 #: Torque relative to the largest recorded one beyond which a deflection grows without bound [-].
 FALLS = 1e6
 #: Least weight of a joint's residual, relative to the largest one [-].
@@ -78,6 +80,10 @@ class _Yielding:
     rate: Array
     place: Array
 
+    def until(self, most: int | None) -> _Yielding:
+        """The first instants, at most `most`."""
+        return _Yielding(*(getattr(self, name)[:most] for name in self.__dataclass_fields__))
+
 
 def of_yielding(term: Term, effect: StructureEffect, run: Run) -> Array:
     """Columns of an effect that adds coordinates, see `columns.columns_of`."""
@@ -96,19 +102,26 @@ def _columns(term: Term, effect: StructureEffect, run: Run, steps: Values) -> Ar
     acting = [k for k, p in enumerate(trials) if _is_present(effect, p)]
     if acting:
         rows = rows_of_yielding(effect, term.at, run, [trials[k] for k in acting])
-        found[:, :, acting] = _begun(run, rows)
+        found[:, :, acting] = _begun(run, run.rows.vibration.removed(rows))
     slopes = [(found[:, :, k + 1] - found[:, :, 0]) / step for k, step in enumerate(steps.values())]
     return np.stack([found[:, :, 0], *slopes], axis=2)
 
 
-def rows_of_yielding(effect: StructureEffect, at: str, run: Run, trials: Sequence[Values]) -> Array:
+def rows_of_yielding(
+    effect: StructureEffect, at: str, run: Run, trials: Sequence[Values], most: int | None = None
+) -> Array:
     """Torques in the rows of a recording for V values of an effect's parameters, shape (K, n, V, 1 + S).
 
     Those due to the forces of the motion are followed by those of S free vibrations from the start, each with
     the largest deflection under these forces. NaN for a mount so soft that the robot would fall over.
+
+    Args:
+        effect, at, run: the effect, its place and the recording.
+        trials: values of its parameters.
+        most: instants of the integration, from the start; all when None. Later rows are left out.
     """
     motion = run.motion
-    each = [_dynamics_of(effect, at, run, p) for p in trials]
+    each = [_dynamics_of(effect, at, run, p).until(most) for p in trials]
     springs = [_springs_of(effect, run.model.robot, at, p) for p in trials]
     time, full = each[0].time, _moved(each, springs, 2.0 * np.pi * WIDER * motion.cutoff)
     falls = ~(np.abs(full) < FALLS * np.abs(run.torque).max()).all(axis=(0, 1, 3))
@@ -116,9 +129,33 @@ def rows_of_yielding(effect: StructureEffect, at: str, run: Run, trials: Sequenc
     nearest = np.searchsorted(motion.time, time).clip(0, motion.time.size - 1)
     weighted = full * run.rows.shares[nearest, :, None, None]
     smooth = low_passed(weighted, rate=1.0 / (time[1] - time[0]), cutoff=motion.cutoff)
-    found = make_interp_spline(time, smooth, k=3)(run.rows.time)
+    some = run.rows.time <= (time[-1] if most else np.inf)
+    found = _interpolated(smooth, (run.rows.time[some] - time[0]) / (time[1] - time[0]))
     found[:, :, falls] = np.nan
-    return np.asarray(run.rows.vibration.removed(found * run.rows.counted[:, :, None, None]))
+    return found * run.rows.counted[some, :, None, None]
+
+
+def _interpolated(values: Array, places: Array) -> Array:
+    """Series at places between its samples, in samples, (T, ...) to (K, ...): Lagrange's polynomial of six.
+
+    Its error is a thousandth at the band's end.
+    """
+    first = np.clip(np.floor(places).astype(int) - 2, 0, len(values) - SIX)
+    apart = places - first
+    found = np.zeros((places.size, *values.shape[1:]))
+    for k in range(SIX):
+        others = [m for m in range(SIX) if m != k]
+        weight = np.prod([(apart - m) / (k - m) for m in others], axis=0)
+        found += weight.reshape(-1, *[1] * (values.ndim - 1)) * values[first + k]
+    return found
+
+
+def frequencies_of(effect: StructureEffect, at: str, run: Run, p: Values) -> Array:
+    """Frequencies of the added coordinates at the start of a recording, slowest first [rad/s]."""
+    stiffness, _ = _springs_of(effect, run.model.robot, at, p)
+    sprung = np.flatnonzero(np.diag(stiffness) > 0.0)
+    block = np.ix_(sprung, sprung)
+    return _modes(_dynamics_of(effect, at, run, p).mass[0][block], stiffness[block])[1]
 
 
 def _begun(run: Run, rows: Array) -> Array:
