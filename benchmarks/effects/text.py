@@ -26,8 +26,7 @@ log-likelihood, `missing_physics/challenge/scoring/information.py`). An effect w
 rival that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
 only be listed together with it. Effects without regressors along a motion (links, base, contact), gears and
 temperature must make the recordings differ from the nominal robot's simulations by as much; no rival is
-considered. A diagnosis searches neither for a compliant base nor for bending of links that the file calls
-rigid. Robots with links that bend are drawn once, since they take long to simulate; effects of joints,
+considered. Robots with links that bend are drawn once, since they take long to simulate; effects of joints,
 actuators and sensors on the free-flying one come last. A case whose effect is not distinguishable in both
 recordings is also diagnosed, but not counted."""
 COLUMNS = """\
@@ -77,15 +76,12 @@ def _summary(rows: Sequence[Row]) -> str:
     shown = [row for row in rows if row.shown]
     able = [row for row in shown if row.identifiable]
     twins = [row for row in shown if not row.identifiable]
-    along = [row for row in able if _weighed(row.key.effect)]
     intervals = [inside for row in shown for _, inside in covered(row) if inside is not None]
     confident = sum(any(f["probability"] > 0.9 for f in strangers(row)) for row in able)
     shares = [row.improvement for row in shown if row.improvement is not None and row.name_right]
-    named = _share(sum(row.name_right for row in along), len(along))
     counts = [
         ["place right", _share(sum(row.place_right for row in shown), len(shown))],
         ["name right, identifiable", _share(sum(row.name_right for row in able), len(able))],
-        *([] if along == able else [["of these effects that a diagnosis weighs", named]]),
         ["named or in the stated set, not identifiable", _share(sum(r.in_set for r in twins), len(twins))],
         ["a wrong name above 0.9, identifiable", _share(confident, len(able))],
         ["true parameters inside their 95 % intervals", _share(sum(intervals), len(intervals))],
@@ -104,12 +100,6 @@ def _summary(rows: Sequence[Row]) -> str:
 def _share(hits: int, count: int) -> str:
     low, high = wilson(hits, count)
     return f"{hits} of {count} ({100 * low:.0f} to {100 * high:.0f} %)" if count else "-"
-
-
-def _weighed(effect: str) -> bool:
-    """Whether a diagnosis searches for it."""
-    found = catalogue()[effect]
-    return found.is_searched or found.turns_base
 
 
 def _section(effect: str, rows: Sequence[Row]) -> str:
@@ -210,9 +200,6 @@ def reason(row: Row) -> str:
         return "Listed among the explanations that fit alike; another one leads."
     if not row.identifiable:
         return "A twin in the recorded channels is named without it: the answer should list both."
-    if not _weighed(row.key.effect):
-        note = "and another effect is named" if row.findings else "and nothing is named"
-        return f"A diagnosis does not weigh this effect yet, {note}."
     if any(_kin(row, finding) for finding in row.findings):
         return paragraph(
             "A simpler law of its family is named: the diagnosis found no need for more.", *own[:1]

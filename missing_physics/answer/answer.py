@@ -175,8 +175,8 @@ def _not_searched(robot: Robot, searched: Collection[str]) -> str:
 
 
 def _is_searched(effect: Effect, robot: Robot) -> bool:
-    on_link = effect.along_link
-    return effect.is_searched and (not on_link or knows_links(robot))
+    of_links = effect.along_link or effect.adds_coordinates
+    return effect.is_searched and (not of_links or knows_links(robot))
 
 
 def _notes(data: TorqueData, validated: bool) -> list[str]:

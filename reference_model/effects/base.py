@@ -164,7 +164,7 @@ class Effect(ABC):
         cuts_torque: it clips the commanded torque, so that it needs the recorded torque; other effects can
             use the torque that the motion requires instead, which has no noise.
         adds_coordinates: it gives rigid bodies coordinates without encoders, which follow from the joints'
-            motion and the bodies; its `starts` are a grid that is scanned.
+            motion and the bodies.
         along_base: its force follows from the rotation of the base, and is small: torques are searched only
             without gyro.
         along_link: its force follows from the position of a point of a rigid link: torques show it.

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from pydantic import ValidationError
 
-from reference_model.effects.base import Extent, Parameter, Values
+from reference_model.effects.base import Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
 from reference_model.effects.structure import StructureEffect
 from reference_model.kinematics.spatial import constant
@@ -107,7 +107,7 @@ class BaseMotion(StructureEffect, ForceEffect):
         inertia = p["inertia"] or mass * p["arm"] ** 2
         return float(max(stiffness / mass, stiffness * p["arm"] ** 2 / inertia) ** 0.5)
 
-    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+    def grid(self) -> Sequence[Mapping[str, float]]:
         others = {name: self.parameter(name).typical for name in ("damping", "mass", "inertia")}
         return tuple(
             {"compliance": compliance, "arm": arm, **others} for arm in ARMS for compliance in COMPLIANCES

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from reference_model.effects.base import Extent, Parameter
+from reference_model.effects.base import Parameter
 from reference_model.effects.bending import bending_link
 from reference_model.effects.structure import StructureEffect
 from robot_model import Robot
@@ -85,5 +85,5 @@ class LinkFlexibility(StructureEffect):
         modes = values["modes"]
         return "" if modes == round(modes) else f"modes = {modes:g} is not a whole number"
 
-    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+    def grid(self) -> Sequence[Mapping[str, float]]:
         return tuple({"period": period, "damping_ratio": DAMPED} for period in PERIODS)

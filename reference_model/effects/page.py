@@ -14,7 +14,7 @@ from reference_model.effects.base import Effect, Parameter
 from reference_model.effects.catalogue import catalogue
 from robot_model import write_atomically
 
-__all__ = ["NOT_SEARCHED", "PICTURES", "PLACES", "catalogue_page", "facts", "picture_of", "range_of"]
+__all__ = ["PICTURES", "PLACES", "catalogue_page", "facts", "picture_of", "range_of"]
 
 #: How each effect shows in a simulation: ID.svg.
 PICTURES = Path(__file__).parent / "pictures"
@@ -31,7 +31,6 @@ PLACES = {
 }
 
 #: Of effects that have no regressors along a recorded joint motion.
-NOT_SEARCHED = "not searched for; both engines simulate it"
 IN_GYROS = "searched for in the gyros of a free base"
 WITHOUT_GYROS = ", and where there is none in the torques"
 
@@ -115,7 +114,7 @@ def _in_a_diagnosis(effect: Effect) -> str:
     """Where a diagnosis searches for it, if not in torques along a motion; else empty."""
     if effect.turns_base:
         return IN_GYROS + (WITHOUT_GYROS if effect.is_searched else "")
-    return "" if effect.is_searched else NOT_SEARCHED
+    return ""
 
 
 def _section(effect: Effect) -> Iterator[str]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from reference_model.effects.base import Effect
+from reference_model.effects.base import Effect, Extent
 from reference_model.flexible import FlexibleBody
 from robot_model import Robot
 
@@ -46,6 +46,13 @@ class StructureEffect(Effect):
         Raises:
             InputError: the robot cannot have the effect there.
         """
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        return ({p.name: p.typical for p in self.estimated},)
+
+    def grid(self) -> Sequence[Mapping[str, float]]:
+        """Values of the estimated parameters; the best are starting values if it adds coordinates."""
+        return ()
 
     def stiffened(self, p: Mapping[str, float], than: Mapping[str, float]) -> tuple[float, float]:
         """Stiffness and damping of the modes that it adds, relative to those with other parameters [-]."""

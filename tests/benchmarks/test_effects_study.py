@@ -107,7 +107,6 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     assert reason(RIGHT) == ""
     assert "torque misses the truth" in reason(outside)
     assert "Another effect" in reason(wrong)
-    assert "that a diagnosis weighs" not in text
     lower = replace(RIGHT, key=replace(RIGHT.key, effect="stribeck_friction"), name_right=False, in_set=False)
     assert "simpler law of its family" in reason(lower)
     hidden, twin = replace(RIGHT, strength=1.0), replace(wrong, distance=1.0)
@@ -136,15 +135,9 @@ def test_an_unobservable_case_states_why_it_is_not_counted() -> None:
     assert "not counted" not in page([RIGHT], command="x").split("## Effect by effect")[1]
 
 
-def test_effects_unobservable_in_torques_are_marked_as_not_weighed() -> None:
+def test_a_case_without_a_finding_is_explained() -> None:
     unnamed = replace(RIGHT, findings=(), name_right=False, in_set=False, left=())
-    for effect in EVERY:
-        row = replace(unnamed, key=replace(RIGHT.key, effect=effect))
-        weighed = catalogue()[effect].is_searched or catalogue()[effect].turns_base
-        assert (reason(row) == "Nothing is named.") is weighed, effect
-    mount = replace(unnamed, key=replace(RIGHT.key, effect="base_motion"))
-    assert "does not weigh this effect yet" in reason(mount)
-    assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, mount], command="x")
+    assert reason(unnamed) == "Nothing is named."
 
 
 def test_the_introduction_states_the_number_of_draws(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

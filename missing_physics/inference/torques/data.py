@@ -262,9 +262,7 @@ class TorqueData(Data):
         fitted = self.runs[: self.fitted]
         touched = at_links(self.robot, hypothesis, fitted, residual, sigma)
         if not self.scans:
-            self.scans.append(
-                scans_of(self.robot, fitted, next(iter(where.values())).extents[0]) if where else ()
-            )
+            self.scans.append(scans_of(self.robot, fitted))
         yields = scanned(self.scans[0], hypothesis, self.designs[: self.fitted], residual, sigma)
         return [*candidates(self.robot, hypothesis, where, channels, self.given), *touched, *yields]
 

@@ -134,7 +134,7 @@ class Run:
 
     @cached_property
     def residual(self) -> Array:
-        """Torque minus that by the standard model with `parameters`, zero where nothing is compared, (K, n)."""
+        """Torque minus that of the standard model at `parameters`, zero where not compared, shape (K, n)."""
         design = design_of(self.rows)
         return np.where(self.rows.counted, self.torque - design @ self.parameters[: design.shape[2]], 0.0)
 

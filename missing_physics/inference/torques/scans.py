@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import Candidate, Hypothesis, Term
 from missing_physics.inference.torques.runs import Run
 from missing_physics.inference.torques.yielding import WIDER, frequencies_of, rows_of_yielding
-from reference_model.effects.base import Extent
+from missing_physics.standard.prediction import knows_links
 from reference_model.effects.catalogue import catalogue
 from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Robot
@@ -52,19 +52,19 @@ class Scan:
     torques: tuple[NDArray[np.float32], ...]
 
 
-def scans_of(robot: Robot, runs: Sequence[Run], extent: Extent) -> tuple[Scan, ...]:
+def scans_of(robot: Robot, runs: Sequence[Run]) -> tuple[Scan, ...]:
     """Scans of all effects that add coordinates to a robot of rigid links, at the base and at every link."""
-    if robot.flexible_links or robot.transmissions or robot.spherical_joints:
+    if not knows_links(robot) or robot.spherical_joints:
         return ()
-    return tuple(_scans(robot, runs, extent))
+    return tuple(_scans(robot, runs))
 
 
-def _scans(robot: Robot, runs: Sequence[Run], extent: Extent) -> Iterator[Scan]:
+def _scans(robot: Robot, runs: Sequence[Run]) -> Iterator[Scan]:
     for effect in catalogue().values():
         if not isinstance(effect, StructureEffect) or not effect.adds_coordinates:
             continue
         for at in ("base",) if effect.place == "base" else [link.name for link in robot.links]:
-            starts = [{**effect.defaults(), **start} for start in effect.starts(extent)]
+            starts = [{**effect.defaults(), **start} for start in effect.grid()]
             try:
                 effect.changed(robot, at, starts[0])
             except InputError:
@@ -141,7 +141,7 @@ def scanned(
 
 
 def _gains(parts: Sequence[Array], known: Array, left: Array) -> tuple[Array, Array]:
-    """Log-likelihood gained at every grid point, and the price of the free vibrations [nats], shape (V,) each.
+    """Log-likelihood gained at every grid point, and the price of free vibrations [nats], (V,) each.
 
     Args:
         parts: torques in each recording, shape (K, n, V, 1 + S) each.
