@@ -119,7 +119,7 @@ def answered(
         fit=_fit(rows, robot),
         experiments=needed,
         unnamed=tuple(unnamed(data, answer.fit)),
-        could_not_tell=(*dismissed(found, answer.findings), _not_searched(robot, searched)),
+        could_not_tell=(*dismissed(found, answer.findings), *_not_searched(robot, searched)),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),
         timing=answer.timing,
@@ -167,15 +167,21 @@ def dismissed(found: Search[Any], findings: Sequence[Finding]) -> list[str]:
     ]
 
 
-def _not_searched(robot: Robot, searched: Collection[str]) -> str:
-    """A sentence on effects that are not visible in torques and were not searched in other channels."""
+def _not_searched(robot: Robot, searched: Collection[str]) -> list[str]:
+    """A sentence on effects that are possible but not visible in the compared channels, if there are any."""
     every = [effect for effect in catalogue().values() if not _is_searched(effect, robot)]
     titles = [effect.title.lower() for effect in every if effect.id not in searched]
-    return f"Not searched for, since no torque along a recorded motion shows them: {', '.join(titles)}."
+    words = "Not searched for, since no torque along a recorded motion shows them"
+    return [f"{words}: {', '.join(titles)}."] if titles else []
 
 
 def _is_searched(effect: Effect, robot: Robot) -> bool:
+    """Whether an effect is searched in torques, or impossible: a fixed base cannot turn, a free one float."""
     of_links = effect.along_link or effect.adds_coordinates
+    if effect.turns_base and robot.base.kind == "fixed":
+        return True
+    if effect.adds_coordinates and effect.place == "base" and robot.base.kind == "free":
+        return True
     return effect.is_searched and (not of_links or knows_links(robot))
 
 

@@ -169,14 +169,52 @@ def vibrating(
     place, rate = np.zeros((2, *force.shape[1:])) if start is None else start
     first = np.linalg.solve(inertia[0], force[0] - stiffness[0] @ place - damping[0] @ rate)
     state = np.concatenate([place - weight @ first, rate - step / 2 * first], axis=-2)
-    places, rates = state[..., :modes, :], state[..., modes:, :]  # the predicted part of the method
-    states = np.empty((len(force), *state.shape))
-    for k in range(len(force)):
-        states[k] = state
-        pushed[k] -= answer[k] @ state
-        places += step * (rates + step * pushed[k])
-        rates += step * pushed[k]
-    return states[..., :modes, :] + weight @ pushed, states[..., modes:, :] + step / 2 * pushed, pushed
+    states = _predicted(answer, pushed, state, step)
+    found = np.asarray(pushed - answer @ states)
+    return states[..., :modes, :] + weight @ found, states[..., modes:, :] + step / 2 * found, found
+
+
+def _predicted(answer: Array, pushed: Array, start: Array, step: float) -> Array:
+    """The predicted part w of Newmark's method, deflections then rates, (N, ..., 2 s, C), with a = b - A w.
+
+    Blocks of about sqrt(N) instants march side by side, first from zero and from unit states, then from the
+    states that follow for their beginnings.
+
+    Args:
+        answer: A, shape (N, ..., s, 2 s).
+        pushed: b, shape (N, ..., s, C).
+        start: w at the first instant, shape (..., 2 s, C).
+        step: time between instants [s].
+    """
+    size = int(np.ceil(np.sqrt(len(pushed))))
+    count = -(-len(pushed) // size)
+
+    def blocks(values: Array) -> Array:
+        padded = np.zeros((count * size, *values.shape[1:]))
+        padded[: len(values)] = values
+        return padded.reshape(count, size, *values.shape[1:])
+
+    def march(state: Array, pushes: Array, kept: Array | None = None) -> Array:
+        modes = state.shape[-2] // 2
+        places, rates = state[..., :modes, :], state[..., modes:, :]
+        for k in range(size):
+            if kept is not None:
+                kept[:, k] = state
+            moved = -answers[:, k] @ state
+            moved[..., : pushes.shape[-1]] += pushes[:, k]
+            places += step * (rates + step * moved)
+            rates += step * moved
+        return state
+
+    answers, pushes, columns = blocks(answer), blocks(pushed), start.shape[-1]
+    unit = np.broadcast_to(np.eye(start.shape[-2]), (count, *start.shape[:-1], start.shape[-2]))
+    ends = march(np.concatenate([np.zeros((count, *start.shape)), unit], axis=-1), pushes)
+    begins = [start]
+    for end in ends[:-1]:
+        begins.append(end[..., :columns] + end[..., columns:] @ begins[-1])
+    kept = np.empty((count, size, *start.shape))
+    march(np.stack(begins), pushes, kept)
+    return kept.reshape(count * size, *start.shape)[: len(pushed)]
 
 
 def newmark(inertia: Array, stiffness: Array, step: float) -> Array:

@@ -82,7 +82,18 @@ class _Yielding:
 
     def until(self, most: int | None) -> _Yielding:
         """The first instants, at most `most`."""
-        return _Yielding(*(getattr(self, name)[:most] for name in self.__dataclass_fields__))
+        parts = (self.time, self.force, self.mass, self.rate, self.place)
+        return _Yielding(*(part[:most] for part in parts))
+
+    def plus(self, factor: float, other: _Yielding) -> _Yielding:
+        """The sum with `factor` times another one at the same instants."""
+        own, theirs = ((d.force, d.mass, d.rate, d.place) for d in (self, other))
+        return _Yielding(self.time, *(a + factor * b for a, b in zip(own, theirs)))
+
+    def times(self, factor: float) -> _Yielding:
+        """The quantities multiplied by `factor`."""
+        parts = (self.force, self.mass, self.rate, self.place)
+        return _Yielding(self.time, *(factor * part for part in parts))
 
 
 def of_yielding(term: Term, effect: StructureEffect, run: Run) -> Array:
@@ -223,22 +234,48 @@ def _modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
 
 
 def _dynamics_of(effect: StructureEffect, at: str, run: Run, p: Values) -> _Yielding:
-    """The dynamics of the coordinates that an effect adds, cached by the changed robot's masses."""
-    changed = _changed(effect, run.model.robot, at, tuple(p[name] for name in effect.weighs))
+    """The dynamics of the coordinates that an effect adds, which are linear in masses; cached."""
+    key = effect.id, at
+    if key not in run.reshaped:
+        run.reshaped[key] = _Masses.of(effect, at, run)
+    found = run.reshaped[key]
+    assert isinstance(found, _Masses)
+    return found.at(p)
+
+
+@dataclass(frozen=True)
+class _Masses:
+    """Dynamics of the added coordinates at typical masses, and their derivatives by each parameter."""
+
+    typical: _Yielding
+    values: Mapping[str, float]
+    slopes: Mapping[str, _Yielding]
+
+    @classmethod
+    def of(cls, effect: StructureEffect, at: str, run: Run) -> _Masses:
+        values = {name: effect.parameter(name).typical for name in effect.weighs}
+        typical, slopes = _with_masses(effect, at, run, values), {}
+        for name, value in values.items():
+            twice = _with_masses(effect, at, run, {**values, name: 2.0 * value})
+            slopes[name] = twice.plus(-1.0, typical).times(1.0 / value)
+        return cls(typical, values, slopes)
+
+    def at(self, p: Values) -> _Yielding:
+        """The dynamics for given parameters."""
+        found = self.typical
+        for name, slope in self.slopes.items():
+            found = found.plus(p[name] - self.values[name], slope)
+        return found
+
+
+def _with_masses(effect: StructureEffect, at: str, run: Run, weights: Values) -> _Yielding:
+    """The dynamics for given values of the parameters that change masses."""
+    robot = run.model.robot
+    changed = effect.changed(robot, at, {**_typical(effect), **weights})
     apart = dict(zip(run.model.inertial_names, run.along.inertial - run.model.inertial))
     more = [apart.get(name, 0.0) for name in inertial_names(changed)]
-    numbers = nominal_inertial(changed) + np.array(more)
-    key = effect.id, f"{at} {numbers.tobytes().hex()}"
-    if key not in run.reshaped:
-        run.reshaped[key] = _made(
-            run,
-            _model(effect, run.model.robot, at),
-            numbers,
-            isinstance(effect, ForceEffect) and effect.carries_start,
-        )
-    found = run.reshaped[key]
-    assert isinstance(found, _Yielding)
-    return found
+    balanced = isinstance(effect, ForceEffect) and effect.carries_start
+    return _made(run, _model(effect, robot, at), nominal_inertial(changed) + np.array(more), balanced)
 
 
 def _made(run: Run, model: RobotModel, numbers: Array, balanced: bool) -> _Yielding:
@@ -360,12 +397,6 @@ def _springs_of(effect: StructureEffect, robot: Robot, at: str, p: Values) -> tu
 
 def _typical(effect: StructureEffect) -> dict[str, float]:
     return {p.name: p.typical for p in effect.parameters}
-
-
-@lru_cache
-def _changed(effect: StructureEffect, robot: Robot, at: str, weights: tuple[float, ...]) -> Robot:
-    """The robot with an effect whose parameters that change masses have given values."""
-    return effect.changed(robot, at, {**_typical(effect), **dict(zip(effect.weighs, weights))})
 
 
 @lru_cache(maxsize=ROBOTS)
