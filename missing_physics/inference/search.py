@@ -300,6 +300,8 @@ def _try_candidate(
         everywhere: whether the two differ at other places, too.
     """
     data = state.data
+    if candidate.term.effect.adds_coordinates:
+        hypothesis = _begun_nearby(state, candidate.term, hypothesis)
     try:
         fit = _with_possible_delays(state, hypothesis, old, None if everywhere else candidate.term.joint)
         if candidate.term.effect.adds_coordinates:  # they follow from the bodies, which the term changes
@@ -316,6 +318,17 @@ def _try_candidate(
     if not candidate.term.is_given:
         state.steps.append(Step(candidate.term.key, fit, old))
     return state.keep(fit)
+
+
+def _begun_nearby(state: Search[Any], term: Term, hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis with a term that starts from the best fit of another hypothesis with it, if any."""
+    others = [fit for fit in state.made.values() if term.key in {own.key for own in fit.hypothesis.terms}]
+    if not others:
+        return hypothesis
+    best = max(others, key=state.score).hypothesis.terms
+    values = next(own.parameters for own in best if own.key == term.key)
+    terms = (own.moved(values) if own.key == term.key else own for own in hypothesis.terms)
+    return replace(hypothesis, terms=tuple(terms))
 
 
 def _is_significant(data: Data, fit: Fit, old: Fit) -> bool:

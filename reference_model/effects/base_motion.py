@@ -19,6 +19,8 @@ __all__ = ["BaseMotion"]
 
 #: Starting compliances [m/N], from a bolted pedestal to a soft mount: resonances differ by a tenth.
 COMPLIANCES = tuple(np.geomspace(1e-7, 1e-2, 58).tolist())
+#: Least mass of a mount relative to the robot's links [-], and least radius of gyration [m]: a bare flange.
+LIGHTEST, NARROWEST = 0.01, 0.03
 #: Starting arms [m]: the turning stiffness relative to that of a displacement.
 ARMS = (0.25, 0.5, 1.0)
 
@@ -106,6 +108,14 @@ class BaseMotion(StructureEffect, ForceEffect):
         stiffness = 1 / p["compliance"]
         inertia = p["inertia"] or mass * p["arm"] ** 2
         return float(max(stiffness / mass, stiffness * p["arm"] ** 2 / inertia) ** 0.5)
+
+    def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
+        """What moves is not much lighter than the robot that it carries, if the base has no mass itself."""
+        if robot.base.mass > 0.0:
+            return {}
+        mass, inertia = self.parameter("mass"), self.parameter("inertia")
+        least = LIGHTEST * sum(link.mass for link in robot.links)
+        return {"mass": (least, mass.upper), "inertia": (least * NARROWEST**2, inertia.upper)}
 
     def grid(self) -> Sequence[Mapping[str, float]]:
         others = {name: self.parameter(name).typical for name in ("damping", "mass", "inertia")}

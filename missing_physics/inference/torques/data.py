@@ -263,7 +263,7 @@ class TorqueData(Data):
         touched = at_links(self.robot, hypothesis, fitted, residual, sigma)
         if not self.scans:
             self.scans.append(scans_of(self.robot, fitted))
-        yields = scanned(self.scans[0], hypothesis, self.designs[: self.fitted], residual, sigma)
+        yields = scanned(self.robot, self.scans[0], hypothesis, self.designs[: self.fitted], residual, sigma)
         return [*candidates(self.robot, hypothesis, where, channels, self.given), *touched, *yields]
 
     def cut(self, terms: Sequence[Term]) -> Array:

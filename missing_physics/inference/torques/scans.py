@@ -102,6 +102,7 @@ def _torques(
 
 
 def scanned(
+    robot: Robot,
     scans: Sequence[Scan],
     hypothesis: Hypothesis,
     designs: Sequence[Array],
@@ -111,6 +112,7 @@ def scanned(
     """Candidates whose torques explain some of the residual beyond the columns of the standard model.
 
     Args:
+        robot: nominal.
         scans: of the fitted recordings.
         hypothesis: to which effects are added.
         designs: columns of the standard model in each fitted recording, shape (K, n, X).
@@ -134,8 +136,9 @@ def scanned(
     for scan in wanted:
         parts = [own[rows] / sigma[:, None, None] for own, rows in zip(scan.torques, fitted)]
         gain, price = _gains(parts, known, left[:, 0])
+        limits = scan.effect.limits(robot, scan.at)
         for v in _peaks(gain - price):
-            term = Term.of(scan.effect, scan.at, scan.starts[v], further=float(price[v]))
+            term = Term.of(scan.effect, scan.at, scan.starts[v], limits=limits, further=float(price[v]))
             found.append((float(gain[v] - price[v]), term))
     return [Candidate(term) for gain, term in sorted(found, key=lambda one: -one[0])[:STARTS]]
 

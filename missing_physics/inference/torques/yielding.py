@@ -23,6 +23,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from missing_physics.evaluation.band import low_passed
@@ -61,6 +63,8 @@ ROBOTS = 32
 #: Step of finite differences in deflections and rates [m, rad or sqrt(kg) m, and per s]: inverse dynamics is
 #: a polynomial of low degree in them, so that its error is this fraction of the change by a unit.
 SMALL = 1e-4
+#: A coupling or force below this fraction of the others is an error of these differences [-].
+NONE = 0.1 * SMALL
 
 
 @dataclass(frozen=True)
@@ -69,12 +73,14 @@ class _Yielding:
 
     Attributes:
         time: evenly spaced instants [s], shape (T,).
-        force: that the motion needs at the added coordinates, shape (T, p).
+        reached: those of the effect's coordinates that forces of the motion reach, the p considered here.
+        force: that the motion needs at these coordinates, shape (T, p).
         mass, rate, place: M, D and G in the rows of the added coordinates, then of the joints, shape
             (T, p + n, p) each.
     """
 
     time: Array
+    reached: NDArray[np.int_]
     force: Array
     mass: Array
     rate: Array
@@ -82,18 +88,25 @@ class _Yielding:
 
     def until(self, most: int | None) -> _Yielding:
         """The first instants, at most `most`."""
-        parts = (self.time, self.force, self.mass, self.rate, self.place)
-        return _Yielding(*(part[:most] for part in parts))
+        parts = (self.force, self.mass, self.rate, self.place)
+        return _Yielding(self.time[:most], self.reached, *(part[:most] for part in parts))
 
     def plus(self, factor: float, other: _Yielding) -> _Yielding:
         """The sum with `factor` times another one at the same instants."""
         own, theirs = ((d.force, d.mass, d.rate, d.place) for d in (self, other))
-        return _Yielding(self.time, *(a + factor * b for a, b in zip(own, theirs)))
+        return _Yielding(self.time, self.reached, *(a + factor * b for a, b in zip(own, theirs)))
 
     def times(self, factor: float) -> _Yielding:
         """The quantities multiplied by `factor`."""
         parts = (self.force, self.mass, self.rate, self.place)
-        return _Yielding(self.time, *(factor * part for part in parts))
+        return _Yielding(self.time, self.reached, *(factor * part for part in parts))
+
+    def only(self, reached: NDArray[np.int_]) -> _Yielding:
+        """The dynamics of some of the coordinates."""
+        count, total = self.force.shape[1], self.mass.shape[1]
+        rows = np.r_[reached, count:total]
+        parts = (part[:, rows][:, :, reached] for part in (self.mass, self.rate, self.place))
+        return _Yielding(self.time, reached, self.force[:, reached], *parts)
 
 
 def of_yielding(term: Term, effect: StructureEffect, run: Run) -> Array:
@@ -133,7 +146,7 @@ def rows_of_yielding(
     """
     motion = run.motion
     each = [_dynamics_of(effect, at, run, p).until(most) for p in trials]
-    springs = [_springs_of(effect, run.model.robot, at, p) for p in trials]
+    springs = [_springs_of(effect, run.model.robot, at, p, each[0].reached) for p in trials]
     time, full = each[0].time, _moved(each, springs, 2.0 * np.pi * WIDER * motion.cutoff)
     falls = ~(np.abs(full) < FALLS * np.abs(run.torque).max()).all(axis=(0, 1, 3))
     full[:, :, falls] = 0.0
@@ -163,10 +176,11 @@ def _interpolated(values: Array, places: Array) -> Array:
 
 def frequencies_of(effect: StructureEffect, at: str, run: Run, p: Values) -> Array:
     """Frequencies of the added coordinates at the start of a recording, slowest first [rad/s]."""
-    stiffness, _ = _springs_of(effect, run.model.robot, at, p)
+    dynamics = _dynamics_of(effect, at, run, p)
+    stiffness, _ = _springs_of(effect, run.model.robot, at, p, dynamics.reached)
     sprung = np.flatnonzero(np.diag(stiffness) > 0.0)
     block = np.ix_(sprung, sprung)
-    return _modes(_dynamics_of(effect, at, run, p).mass[0][block], stiffness[block])[1]
+    return _modes(dynamics.mass[0][block], stiffness[block])[1]
 
 
 def _begun(run: Run, rows: Array) -> Array:
@@ -255,8 +269,10 @@ class _Masses:
     def of(cls, effect: StructureEffect, at: str, run: Run) -> _Masses:
         values = {name: effect.parameter(name).typical for name in effect.weighs}
         typical, slopes = _with_masses(effect, at, run, values), {}
+        reached = _reached(typical, _springs_of(effect, run.model.robot, at, _typical(effect)))
+        typical = typical.only(reached)
         for name, value in values.items():
-            twice = _with_masses(effect, at, run, {**values, name: 2.0 * value})
+            twice = _with_masses(effect, at, run, {**values, name: 2.0 * value}).only(reached)
             slopes[name] = twice.plus(-1.0, typical).times(1.0 / value)
         return cls(typical, values, slopes)
 
@@ -266,6 +282,26 @@ class _Masses:
         for name, slope in self.slopes.items():
             found = found.plus(p[name] - self.values[name], slope)
         return found
+
+
+def _reached(dynamics: _Yielding, springs: tuple[Array, Array]) -> NDArray[np.int_]:
+    """Coordinates that forces of the motion reach, directly or through coupling with others.
+
+    In a plane these are three of the six of a base, and half of the modes of a link.
+    """
+    count = dynamics.force.shape[1]
+    mass, rate, place = (
+        np.abs(part[:, :count]).max(axis=0) for part in (dynamics.mass, dynamics.rate, dynamics.place)
+    )
+    heavy, stiff = (np.sqrt(np.outer(own, own)) for own in (np.diag(mass), np.diag(springs[0])))
+    stiff = np.where(stiff > 0.0, stiff, heavy)  # a free base has no springs
+    pairs = ((mass, heavy), (rate, np.sqrt(heavy * stiff)), (place, stiff), (np.abs(springs[0]), stiff))
+    coupled = np.any([part > NONE * size for part, size in pairs], axis=0)
+    pushes = np.abs(dynamics.force).max(axis=0)
+    _, group = connected_components(csr_array(coupled | coupled.T), directed=False)
+    pushed = set(group[pushes > NONE * pushes.max(initial=0.0)].tolist())
+    found = np.flatnonzero([one in pushed for one in group])
+    return found if found.size else np.arange(count)
 
 
 def _with_masses(effect: StructureEffect, at: str, run: Run, weights: Values) -> _Yielding:
@@ -306,7 +342,7 @@ def _made(run: Run, model: RobotModel, numbers: Array, balanced: bool) -> _Yield
     coarse = np.stack([grid.mass[:, order][:, :, added], rate, place], axis=1)
     time = motion.time[::stride]
     mass, rate, place = make_interp_spline(grid.time, coarse, k=3)(time).transpose(1, 0, 2, 3)
-    return _Yielding(time, force[::stride], mass, rate, place)
+    return _Yielding(time, np.arange(added.size), force[::stride], mass, rate, place)
 
 
 def _base(run: Run, model: RobotModel) -> BaseMotion | None:
@@ -372,8 +408,10 @@ def _turned(base: BaseMotion, axis: Array) -> BaseMotion:
     return replace(base, attitude=np.roll(after, 1, axis=1))
 
 
-def _springs_of(effect: StructureEffect, robot: Robot, at: str, p: Values) -> tuple[Array, Array]:
-    """Stiffness and damping of the coordinates that an effect adds, shape (p, p) each."""
+def _springs_of(
+    effect: StructureEffect, robot: Robot, at: str, p: Values, reached: NDArray[np.int_] | None = None
+) -> tuple[Array, Array]:
+    """Stiffness and damping of the coordinates that an effect adds, or of some of them, shape (p, p) each."""
     model = _model(effect, robot, at)
     first, count = model.tree.offset, model.rows - len(model.joints)
     stiffness, damping = np.zeros((2, count, count))
@@ -392,7 +430,9 @@ def _springs_of(effect: StructureEffect, robot: Robot, at: str, p: Values) -> tu
         wrench = ForceAlong(effect, model.robot).wrench(series, p)
         change = (wrench[:1] - wrench[1:]).T / SMALL
         stiffness[:first, :first], damping[:first, :first] = change[:, :6], change[:, 6:]
-    return stiffness, damping
+    if reached is None:
+        return stiffness, damping
+    return stiffness[np.ix_(reached, reached)], damping[np.ix_(reached, reached)]
 
 
 def _typical(effect: StructureEffect) -> dict[str, float]:
