@@ -44,6 +44,7 @@ class Candidate:
         instead: key of the term that it replaces, such as the lower rung of its family.
         along: parameters of the standard model that must be estimated together with it.
         freed_count: number of parameters of a law in the robot file that it frees; 0 for other terms.
+        expected: log score that it gains with its starting values, where that is known [nats].
     """
 
     term: Term
@@ -51,6 +52,7 @@ class Candidate:
     instead: tuple[str, str] | None = None
     along: frozenset[str] = frozenset()
     freed_count: int = 0
+    expected: float = -math.inf
 
     def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with this term."""

@@ -67,7 +67,7 @@ class Screen:
             if number % TOGETHER == 0:
                 for i in range(self.data.fitted):
                     self.data.terms.prepare([every.term for every in options[number : number + TOGETHER]], i)
-            gain = self.gain(option) - ODDS * max(option.freed_count - 1, 0)
+            gain = max(self.gain(option), option.expected) - ODDS * max(option.freed_count - 1, 0)
             key = (option.term.key, option.term.run, option.term.along)
             if key not in found or gain > found[key].gain:
                 found[key] = ScreenedCandidate(option, gain)

@@ -16,7 +16,7 @@ __all__ = ["LinkFlexibility"]
 
 #: Starting periods [s], from light links of ground robots to long booms in space, and damping ratio, which is
 #: large, so that the resonances of neighbouring periods overlap.
-PERIODS, DAMPED = tuple(np.geomspace(0.02, 2.0, 47).tolist()), 0.05
+PERIODS, DAMPED = tuple(np.geomspace(0.02, 2.0, 67).tolist()), 0.05
 
 
 class LinkFlexibility(StructureEffect):

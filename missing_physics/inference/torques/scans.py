@@ -140,7 +140,8 @@ def scanned(
         for v in _peaks(gain - price):
             term = Term.of(scan.effect, scan.at, scan.starts[v], limits=limits, further=float(price[v]))
             found.append((float(gain[v] - price[v]), term))
-    return [Candidate(term) for gain, term in sorted(found, key=lambda one: -one[0])[:STARTS]]
+    best = sorted(found, key=lambda one: -one[0])[:STARTS]
+    return [Candidate(term, expected=gain) for gain, term in best]
 
 
 def _gains(parts: Sequence[Array], known: Array, left: Array) -> tuple[Array, Array]:
@@ -162,9 +163,6 @@ def _gains(parts: Sequence[Array], known: Array, left: Array) -> tuple[Array, Ar
     gain, price = np.zeros((2, count))
     for v in range(count):
         own = whole[:, v]
-        if not np.isfinite(own).all():
-            gain[v] = -np.inf
-            continue
         across = known.T @ own
         gram, pull = own.T @ own - across.T @ across, own.T @ left
         gain[v] = pull[0] - 0.5 * gram[0, 0]

@@ -55,7 +55,7 @@ WIDER = 2.0
 #: Samples of an interpolation.
 SIX = 6
 #: Torque relative to the largest recorded one beyond which a deflection grows without bound [-].
-FALLS = 1e6
+FALLS = 1e3
 #: Least weight of a joint's residual, relative to the largest one [-].
 LEAST = 1e-6
 #: Number of cached models of changed robots: one for every link of a large robot.
@@ -137,7 +137,8 @@ def rows_of_yielding(
     """Torques in the rows of a recording for V values of an effect's parameters, shape (K, n, V, 1 + S).
 
     Those due to the forces of the motion are followed by those of S free vibrations from the start, each with
-    the largest deflection under these forces. NaN for a mount so soft that the robot would fall over.
+    the largest deflection under these forces. A mount so soft that the robot would fall over has torques
+    that no recording has.
 
     Args:
         effect, at, run: the effect, its place and the recording.
@@ -148,14 +149,15 @@ def rows_of_yielding(
     each = [_dynamics_of(effect, at, run, p).until(most) for p in trials]
     springs = [_springs_of(effect, run.model.robot, at, p, each[0].reached) for p in trials]
     time, full = each[0].time, _moved(each, springs, 2.0 * np.pi * WIDER * motion.cutoff)
-    falls = ~(np.abs(full) < FALLS * np.abs(run.torque).max()).all(axis=(0, 1, 3))
+    impossible = FALLS * float(np.abs(run.torque).max())
+    falls = ~(np.abs(full) < impossible).all(axis=(0, 1, 3))
     full[:, :, falls] = 0.0
+    full[:, :, falls, 0] = impossible
     nearest = np.searchsorted(motion.time, time).clip(0, motion.time.size - 1)
     weighted = full * run.rows.shares[nearest, :, None, None]
     smooth = low_passed(weighted, rate=1.0 / (time[1] - time[0]), cutoff=motion.cutoff)
     some = run.rows.time <= (time[-1] if most else np.inf)
     found = _interpolated(smooth, (run.rows.time[some] - time[0]) / (time[1] - time[0]))
-    found[:, :, falls] = np.nan
     return found * run.rows.counted[some, :, None, None]
 
 
@@ -189,7 +191,7 @@ def _begun(run: Run, rows: Array) -> Array:
     size = np.sqrt(np.mean(left**2, axis=0))
     weight = 1.0 / np.maximum(size, max(LEAST * float(size.max()), np.finfo(float).eps))
     found = rows[..., 0].copy()
-    for v in np.flatnonzero(np.isfinite(rows).all(axis=(0, 1, 3))):
+    for v in range(found.shape[2]):
         free = (rows[:, :, v, 1:] * weight[:, None]).reshape(left.size, -1)
         apart = ((left - found[:, :, v]) * weight).ravel()
         begins = np.linalg.solve(free.T @ free + np.eye(free.shape[1]), free.T @ apart)
@@ -231,11 +233,12 @@ def _moved(each: Sequence[_Yielding], springs: Sequence[tuple[Array, Array]], be
     forces = np.zeros((*force.shape, start.shape[3]))
     forces[..., 0] = force
     implicit = newmark(mass[len(mass) // 2], held, step)
-    moved = vibrating(mass, stiffness, damping, forces, step, (start[0], start[1]), implicit)
     found = np.zeros((len(force), each[0].mass.shape[1] - count, len(each), start.shape[3]))
-    for v, one in enumerate(each):
-        parts = zip((one.place, one.rate, one.mass), moved)
-        found[:, :, v] = sum(part[:, count:] @ own[:, v] for part, own in parts)
+    with np.errstate(over="ignore", invalid="ignore"):  # deflections that grow without bound
+        moved = vibrating(mass, stiffness, damping, forces, step, (start[0], start[1]), implicit)
+        for v, one in enumerate(each):
+            parts = zip((one.place, one.rate, one.mass), moved)
+            found[:, :, v] = sum(part[:, count:] @ own[:, v] for part, own in parts)
     return found
 
 
