@@ -11,11 +11,14 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
 from missing_physics.evaluation.response import Response
+from missing_physics.evaluation.yielding import WIDER, Moving, Yields, moved_by, springs_of
 from reference_model.codegen.kept import kept
 from reference_model.dynamics.balance import LOADS
+from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.along import EffectAlong, GearAlong
 from reference_model.effects.base import JointEffect, JointSignals, YieldingGear
 from reference_model.effects.catalogue import UsedEffect
+from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel, drive_model
 from reference_model.evaluation.model import RobotModel
@@ -88,9 +91,11 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
 
 
 def _vibration(truth: Truth, motion: JointMotion) -> Array:
-    """`Prediction.vibration`; empty if motors move several joints, or the base moves on springs."""
+    """`Prediction.vibration`; empty if motors move several joints."""
     robot = truth.robot
-    if not truth.tree.modal or robot.transmissions or robot.base.kind != truth.nominal.base.kind:
+    if robot.base.kind != truth.nominal.base.kind:
+        return _of_mount(truth, motion)
+    if not truth.tree.modal or robot.transmissions:
         return np.zeros((*motion.position.shape, 0))
     model, numbers = _bending(truth.nominal), truth.inertial
     attitude = quaternion_from_rpy(robot.base.rpy)
@@ -98,6 +103,32 @@ def _vibration(truth: Truth, motion: JointMotion) -> Array:
     mass = model.mass_matrix(motion.position, base=base, inertial=numbers)  # of undeformed links
     response = Response.of(model.tree, mass, model.elasticity(numbers), 1.0 / motion.rate)
     return response.free_vibration()[0]
+
+
+def _of_mount(truth: Truth, motion: JointMotion) -> Array:
+    """Free vibration of a base on springs, and of links that bend as if the base were at rest."""
+    nominal, found = truth.nominal, [np.zeros((*motion.position.shape, 0))]
+    if nominal.flexible_links or nominal.transmissions:
+        return found[0]
+    names, numbers = inertial_names(truth.robot), truth.inertial - nominal_inertial(truth.robot)
+    moving = Moving(
+        robot=nominal.model_copy(update={"effects": ()}),
+        time=motion.time,
+        position=motion.position,
+        velocity=motion.velocity,
+        acceleration=motion.acceleration,
+        base=None,
+        cutoff=motion.band.torque,
+        first=motion.band.spoiled(motion.rate),
+        apart=dict(zip(names, numbers)),
+    )
+    for used in truth.effects:
+        if isinstance(used.effect, StructureEffect) and used.effect.adds_coordinates:
+            yields = Yields.of(used.effect, used.at, moving).at(used.parameters)
+            springs = springs_of(used.effect, moving.robot, used.at, used.parameters, yields.reached)
+            moved = moved_by([yields], [springs], 2.0 * np.pi * WIDER * moving.cutoff)
+            found.append(make_interp_spline(yields.time, moved[:, :, 0, 1:], k=3)(motion.time))
+    return np.concatenate(found, axis=2)
 
 
 @kept
