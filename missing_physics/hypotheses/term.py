@@ -109,8 +109,12 @@ class Term:
 
     def is_linear(self, p: Parameter) -> bool:
         """Whether the torques along a recorded motion are linear in a parameter."""
-        shares = self.effect.shares_torque and not self.in_rows
-        return p.linear and not shares
+        return p.linear and not self.is_compensated
+
+    @property
+    def is_compensated(self) -> bool:
+        """Whether it depends on the actuator's torque, which compensates for it."""
+        return self.effect.uses_torque and not self.effect.cuts_torque and not self.in_rows
 
     def range_of(self, p: Parameter) -> tuple[float, float]:
         """Bounds of a parameter: those set by a recording's extent, else the catalogue's."""

@@ -159,7 +159,6 @@ class Effect(ABC):
         is_modifier: it multiplies the friction law of its joint and has no effect without one.
         uses_torque: it depends on the actuator torque (so it belongs to the actuator), unless only through a
             parameter that is not estimated and absent by default.
-        shares_torque: it takes or adds a fraction of the actuator's torque, which compensates for it.
         replaces_delay: it delays the torque, so that the joint's torque has no separate delay.
         cuts_torque: it clips the commanded torque, so that it needs the recorded torque; other effects can
             use the torque that the motion requires instead, which has no noise.
@@ -198,7 +197,6 @@ class Effect(ABC):
     is_friction_law: ClassVar[bool] = False
     is_modifier: ClassVar[bool] = False
     uses_torque: ClassVar[bool] = False
-    shares_torque: ClassVar[bool] = False
     replaces_delay: ClassVar[bool] = False
     cuts_torque: ClassVar[bool] = False
     adds_coordinates: ClassVar[bool] = False

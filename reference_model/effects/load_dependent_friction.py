@@ -49,7 +49,6 @@ class LoadDependentFriction(JointEffect):
     simpler = ("coulomb_friction",)
     is_friction_law = True
     uses_torque = True
-    shares_torque = True
     needs = ("velocity", "torque")
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

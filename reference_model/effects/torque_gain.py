@@ -36,7 +36,6 @@ class TorqueGain(JointEffect):
         "inertial ones"
     )
     uses_torque = True
-    shares_torque = True
     needs = ("torque",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

@@ -290,12 +290,12 @@ def _signals(
         signals[:, TORQUE] = run.acting[:, k]
     if effect.states:
         own = signals[:, :-1]
-        if effect.uses_torque and not term.in_rows:
+        if term.is_compensated:
             own = own.copy()
             for _ in range(SIDES):
                 own[:, TORQUE] = signals[:, TORQUE] - along.torque(own, term.parameters)
         return own, 1.0
-    if effect.uses_torque and not effect.cuts_torque and not term.in_rows:
+    if term.is_compensated:
         return _compensated(term, signals, along)
     return signals, 1.0
 
