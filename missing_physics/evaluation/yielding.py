@@ -47,6 +47,8 @@ Values = Mapping[str, float]
 DENSER, SLOWER = 8, 4
 #: Cut-off of the forces before their samples are thinned, and of free vibrations, in terms of the band's end.
 WIDER = 2.0
+#: Quantities of the dynamics that depend on masses.
+QUANTITIES = ("force", "mass", "rate", "place")
 #: Number of cached models of changed robots: one for every link of a large robot.
 ROBOTS = 32
 #: Step of finite differences in deflections and rates [m, rad or sqrt(kg) m, and per s]: inverse dynamics is
@@ -156,10 +158,14 @@ class Yields:
 
     def at(self, p: Values) -> Yielding:
         """The dynamics for given parameters."""
-        found = self.typical
+        found = {name: getattr(self.typical, name) for name in QUANTITIES}
         for name, slope in self.slopes.items():
-            found = found.plus(p[name] - self.values[name], slope)
-        return found
+            change = p[name] - self.values[name]
+            for quantity in QUANTITIES if change else ():
+                step = change * getattr(slope, quantity)
+                if np.abs(step).max(initial=0.0) > NONE * np.abs(found[quantity]).max(initial=0.0):
+                    found[quantity] = found[quantity] + step
+        return Yielding(self.typical.time, self.typical.reached, **found)
 
 
 def moved_by(each: Sequence[Yielding], springs: Sequence[tuple[Array, Array]], below: float) -> Array:

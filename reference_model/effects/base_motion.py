@@ -19,10 +19,13 @@ __all__ = ["BaseMotion"]
 
 #: Starting compliances [m/N], from a bolted pedestal to a soft mount: resonances differ by a tenth.
 COMPLIANCES = tuple(np.geomspace(1e-7, 1e-2, 58).tolist())
-#: Least mass of a mount relative to the robot's links [-], and least radius of gyration [m]: a bare flange.
-LIGHTEST, NARROWEST = 0.01, 0.03
-#: Starting arms [m]: the turning stiffness relative to that of a displacement.
+#: Starting arms relative to the robot's reach [-]: the turning stiffness relative to that of a displacement.
 ARMS = (0.25, 0.5, 1.0)
+#: Least and greatest mass of what moves with the base, relative to the robot's links [-]: a bare flange, and
+#: a load that the robot hardly moves; and the least and greatest radius of gyration relative to its reach [-].
+LIGHTEST, HEAVIEST, NARROWEST, WIDEST = 0.01, 10.0, 0.03, 1.0
+#: Least reach [m], of a robot with a single joint.
+LEAST_REACH = 0.1
 
 
 class BaseMotion(StructureEffect, ForceEffect):
@@ -110,18 +113,29 @@ class BaseMotion(StructureEffect, ForceEffect):
         return float(max(stiffness / mass, stiffness * p["arm"] ** 2 / inertia) ** 0.5)
 
     def limits(self, robot: Robot, at: str) -> Mapping[str, tuple[float, float]]:
-        """What moves is not much lighter than the robot that it carries, if the base has no mass itself."""
-        if robot.base.mass > 0.0:
-            return {}
-        mass, inertia = self.parameter("mass"), self.parameter("inertia")
-        least = LIGHTEST * sum(link.mass for link in robot.links)
-        return {"mass": (least, mass.upper), "inertia": (least * NARROWEST**2, inertia.upper)}
+        mass, reach = _size(robot)
+        lightest = 0.0 if robot.base.mass > 0.0 else LIGHTEST * mass
+        return {
+            "mass": (lightest, HEAVIEST * mass),
+            "inertia": (lightest * (NARROWEST * reach) ** 2, HEAVIEST * mass * (WIDEST * reach) ** 2),
+        }
 
-    def grid(self) -> Sequence[Mapping[str, float]]:
-        others = {name: self.parameter(name).typical for name in ("damping", "mass", "inertia")}
+    def grid(self, robot: Robot) -> Sequence[Mapping[str, float]]:
+        mass, reach = _size(robot)
+        damping = self.parameter("damping").typical
+        others = {"damping": damping, "mass": mass, "inertia": mass * reach**2 / 2}
         return tuple(
-            {"compliance": compliance, "arm": arm, **others} for arm in ARMS for compliance in COMPLIANCES
+            {"compliance": compliance, "arm": arm * reach, **others}
+            for arm in ARMS
+            for compliance in COMPLIANCES
         )
+
+
+def _size(robot: Robot) -> tuple[float, float]:
+    """Mass of the links [kg], and a length that the stretched robot does not exceed [m]."""
+    joints = sum(float(np.linalg.norm(joint.origin)) for joint in robot.joints)
+    furthest = max((2.0 * float(np.linalg.norm(link.center_of_mass)) for link in robot.links), default=0.0)
+    return sum(link.mass for link in robot.links), max(joints + furthest, LEAST_REACH)
 
 
 def _relative(s: BodySignals) -> ca.SX:

@@ -85,5 +85,5 @@ class LinkFlexibility(StructureEffect):
         modes = values["modes"]
         return "" if modes == round(modes) else f"modes = {modes:g} is not a whole number"
 
-    def grid(self) -> Sequence[Mapping[str, float]]:
+    def grid(self, robot: Robot) -> Sequence[Mapping[str, float]]:
         return tuple({"period": period, "damping_ratio": DAMPED} for period in PERIODS)

@@ -50,7 +50,7 @@ class StructureEffect(Effect):
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         return ({p.name: p.typical for p in self.estimated},)
 
-    def grid(self) -> Sequence[Mapping[str, float]]:
+    def grid(self, robot: Robot) -> Sequence[Mapping[str, float]]:
         """Values of the estimated parameters; the best are starting values if it adds coordinates."""
         return ()
 

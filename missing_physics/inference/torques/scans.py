@@ -64,7 +64,7 @@ def _scans(robot: Robot, runs: Sequence[Run]) -> Iterator[Scan]:
         if not isinstance(effect, StructureEffect) or not effect.adds_coordinates:
             continue
         for at in ("base",) if effect.place == "base" else [link.name for link in robot.links]:
-            starts = [{**effect.defaults(), **start} for start in effect.grid()]
+            starts = [{**effect.defaults(), **start} for start in effect.grid(robot)]
             try:
                 effect.changed(robot, at, starts[0])
             except InputError:
@@ -136,6 +136,7 @@ def scanned(
     for scan in wanted:
         parts = [own[rows] / sigma[:, None, None] for own, rows in zip(scan.torques, fitted)]
         gain, price = _gains(parts, known, left[:, 0])
+        price += np.log(len(scan.starts))  # one of many
         limits = scan.effect.limits(robot, scan.at)
         for v in _peaks(gain - price):
             term = Term.of(scan.effect, scan.at, scan.starts[v], limits=limits, further=float(price[v]))
