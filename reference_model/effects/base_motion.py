@@ -21,8 +21,10 @@ __all__ = ["BaseMotion"]
 COMPLIANCES = tuple(np.geomspace(1e-7, 1e-2, 58).tolist())
 #: Starting arms relative to the robot's reach [-]: the turning stiffness relative to that of a displacement.
 ARMS = (0.25, 0.5, 1.0)
-#: Least and greatest mass of what moves with the base, relative to the robot's links [-]: a bare flange, and
-#: a load that the robot hardly moves; and the least and greatest radius of gyration relative to its reach [-].
+#: Starting masses of what moves with the base, relative to the links [-].
+LOADS = (0.1, 1.0)
+#: Least and greatest mass of it, relative to the links [-]: a bare flange, and a load that the robot hardly
+#: moves; and the least and greatest radius of gyration relative to the robot's reach [-].
 LIGHTEST, HEAVIEST, NARROWEST, WIDEST = 0.01, 10.0, 0.03, 1.0
 #: Least reach [m], of a robot with a single joint.
 LEAST_REACH = 0.1
@@ -123,9 +125,15 @@ class BaseMotion(StructureEffect, ForceEffect):
     def grid(self, robot: Robot) -> Sequence[Mapping[str, float]]:
         mass, reach = _size(robot)
         damping = self.parameter("damping").typical
-        others = {"damping": damping, "mass": mass, "inertia": mass * reach**2 / 2}
         return tuple(
-            {"compliance": compliance, "arm": arm * reach, **others}
+            {
+                "compliance": compliance,
+                "arm": arm * reach,
+                "damping": damping,
+                "mass": load * mass,
+                "inertia": load * mass * reach**2 / 2,
+            }
+            for load in LOADS
             for arm in ARMS
             for compliance in COMPLIANCES
         )
