@@ -109,7 +109,7 @@ class Term:
 
     def is_linear(self, p: Parameter) -> bool:
         """Whether the torques along a recorded motion are linear in a parameter."""
-        return p.linear and not self.is_compensated
+        return p.linear and not (self.is_compensated and p.name in self.effect.per_torque)
 
     @property
     def is_compensated(self) -> bool:

@@ -159,6 +159,7 @@ class Effect(ABC):
         is_modifier: it multiplies the friction law of its joint and has no effect without one.
         uses_torque: it depends on the actuator torque (so it belongs to the actuator), unless only through a
             parameter that is not estimated and absent by default.
+        per_torque: parameters that multiply the actuator's torque, of effects that use it.
         replaces_delay: it delays the torque, so that the joint's torque has no separate delay.
         cuts_torque: it clips the commanded torque, so that it needs the recorded torque; other effects can
             use the torque that the motion requires instead, which has no noise.
@@ -197,6 +198,7 @@ class Effect(ABC):
     is_friction_law: ClassVar[bool] = False
     is_modifier: ClassVar[bool] = False
     uses_torque: ClassVar[bool] = False
+    per_torque: ClassVar[tuple[str, ...]] = ()
     replaces_delay: ClassVar[bool] = False
     cuts_torque: ClassVar[bool] = False
     adds_coordinates: ClassVar[bool] = False

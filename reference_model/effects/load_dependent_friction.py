@@ -49,6 +49,7 @@ class LoadDependentFriction(JointEffect):
     simpler = ("coulomb_friction",)
     is_friction_law = True
     uses_torque = True
+    per_torque = ("coefficient", "gear_share")
     needs = ("velocity", "torque")
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

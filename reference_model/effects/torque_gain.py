@@ -36,6 +36,7 @@ class TorqueGain(JointEffect):
         "inertial ones"
     )
     uses_torque = True
+    per_torque = ("gain_error",)
     needs = ("torque",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

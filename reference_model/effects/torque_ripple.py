@@ -65,6 +65,7 @@ class TorqueRipple(JointEffect):
     confused_with = ("position_dependent_friction", "encoder_eccentricity", "gravity", "cable_spring")
     experiment = "long runs at two speeds and two loads, both ways; cogging stays with the drive switched off"
     uses_torque = True
+    per_torque = ("cosine_per_torque", "sine_per_torque")
     needs = ("position", "torque")
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
