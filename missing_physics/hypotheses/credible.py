@@ -15,7 +15,6 @@ from robot_model import Robot
 
 __all__ = ["not_credible", "prior_of"]
 
-#: Standard gravity [m/s^2].
 #: Longest credible time constant of a gear's twist, damping over stiffness [s]: that of a rotor resonating on
 #: it at 10 Hz with a third of critical damping. A slower gear would creep.
 SLOWEST_TWIST = 0.01

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Sequence
 from typing import Generic, Protocol, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from missing_physics.hypotheses import Term
+from missing_physics.standard.normal import Places
 from reference_model.effects.base import Parameter
 
-__all__ = ["STEP", "Kept", "step_of"]
+__all__ = ["STEP", "Kept", "TermColumns", "step_of"]
+
+Array = NDArray[np.float64]
 
 #: Step of a finite difference, as a fraction of the parameter's value or of a typical one: small compared
 #: with the scale on which columns change, even at a resonance, and far above rounding.
@@ -47,6 +54,46 @@ class Kept(Generic[V]):
         while self._size > MOST and len(self._values) > 1:
             self._size -= self._values.pop(next(iter(self._values))).size
         return value
+
+
+class TermColumns(ABC):
+    """Columns of terms that are computed one by one (`inference.data.Columns`), those used last cached."""
+
+    def __init__(self) -> None:
+        self._kept = Kept[Array]()
+
+    @abstractmethod
+    def _places(self, term: Term, run: int) -> Places:
+        """Indices of the channels to which a term contributes, shape (a,)."""
+
+    @abstractmethod
+    def _made(self, term: Term, run: int) -> Array:
+        """Columns of a term in these channels, shape (K, a, 1 + P)."""
+
+    @abstractmethod
+    def _shape(self, run: int) -> tuple[int, int]:
+        """Number of rows of a recording, and of channels."""
+
+    def prepare(self, terms: Sequence[Term], run: int) -> None:
+        """Compute the columns of several terms."""
+        for term in terms:
+            self.acting(term, run)
+
+    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
+        """The channels to which a term contributes, shape (a,), and its columns there, (K, a, 1 + P)."""
+        key = (*term.key, term.values, term.along, tuple(p.name for p in term.free), run)
+        found = self._kept.get(key)
+        if found is None:
+            found = self._kept.keep(key, self._made(term, run))
+        return self._places(term, run), found
+
+    def contributed(self, terms: Sequence[Term], run: int) -> Array:
+        """Sum of the contributions of terms to the channels, shape (K, n)."""
+        found = np.zeros(self._shape(run))
+        for term in terms:
+            places, values = self.acting(term, run)
+            found[:, places] += values[:, :, 0]
+        return found
 
 
 def step_of(term: Term, p: Parameter) -> float:

@@ -46,7 +46,7 @@ def folders(*roots: str) -> list[Path]:
 #: threshold is a rule fitted to one kind of data: it should be derived from noise, band, rows or odds,
 #: imported from where it is already defined, or removed. The code that these packages replaced had 27,000
 #: lines and 597 numbers, and was right on that kind of data only.
-ENGINE = ("missing_physics/diagnosis", "missing_physics/inference")
+ENGINE = ("missing_physics/diagnosis", "missing_physics/hypotheses", "missing_physics/inference")
 MOST_LINES, MOST_NUMBERS = 10_000, 80
 
 

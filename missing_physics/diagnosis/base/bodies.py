@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.bodies.pseudo_inertia import sizes, solid
-from missing_physics.diagnosis.base.rates import Rates
+from missing_physics.motion.base.rates import Rates
 from missing_physics.standard.layout import Layout, bodies_of, is_known, length_of
 from reference_model.dynamics.inertial import nominal_inertial
 from reference_model.flexible.beam_numbers import POSITIVE

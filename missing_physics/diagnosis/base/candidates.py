@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from missing_physics.diagnosis.base.columns import BaseColumns
-from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.hypotheses import Candidate, Term
+from missing_physics.motion.base.rates import Rates
 from missing_physics.standard import MODEL_ERROR
 from reference_model.effects.base import Effect, Extent, Parameter, SensorEffect
 from reference_model.effects.catalogue import catalogue

@@ -9,11 +9,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.base.changed import Changed, Slope, masses_of
-from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.evaluation.response import Vibration, vibrating
 from missing_physics.hypotheses import Term
 from missing_physics.inference.kept import Kept, step_of
+from missing_physics.motion.base.changed import Changed, Slope, masses_of
+from missing_physics.motion.base.rates import Rates
 from missing_physics.standard.normal import Places
 from reference_model.effects.along import SensorAlong
 from reference_model.effects.base import SensorEffect

@@ -19,13 +19,13 @@ from missing_physics.diagnosis.base.findings import (
     residual_of_file,
     stated_terms,
 )
-from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.diagnosis.further.errors import beyond_noise
 from missing_physics.diagnosis.further.findings import Reading, findings_of
 from missing_physics.diagnosis.further.merge import Further
 from missing_physics.hypotheses import BODIES, Term
 from missing_physics.inference import Fit, search, weighed
 from missing_physics.inference.fit import residuals
+from missing_physics.motion.base.rates import Rates
 from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.results.comparison import AT_NOISE
 from missing_physics.results.result import Mismatch

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.gear.columns import VELOCITY
-from missing_physics.diagnosis.gear.gap import Gap
 from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, ELASTICITY, HYSTERESIS, OF_GEARS, OPTIONAL
 from missing_physics.hypotheses import Candidate, Sight, Term, extent_of
 from missing_physics.hypotheses.extents import STANDSTILL
 from missing_physics.inference.ledger import ODDS
+from missing_physics.motion.gap import Gap
 from reference_model.effects.catalogue import get_effect
 from reference_model.effects.gear_hysteresis import TORQUE_SHARE
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.gear.gap import Gap
 from missing_physics.diagnosis.gear.hysteresis import lagging
 from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, HYSTERESIS
 from missing_physics.hypotheses import Term
-from missing_physics.inference.kept import Kept
+from missing_physics.inference.kept import TermColumns
+from missing_physics.motion.gap import Gap
 from missing_physics.standard.normal import Places
 from reference_model.effects.along import GearAlong, SensorAlong
 from reference_model.effects.base import SensorEffect, YieldingGear
@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 VELOCITY = "velocity"
 
 
-class GapColumns:
-    """Columns of terms in the gaps; those of the terms used last are cached.
+class GapColumns(TermColumns):
+    """Columns of terms in the gaps.
 
     Args:
         gaps: of each recording, channel by channel.
@@ -33,34 +33,20 @@ class GapColumns:
     """
 
     def __init__(self, gaps: Sequence[Sequence[Gap]], centred: Sequence[bool]) -> None:
+        super().__init__()
         self._gaps, self._centred = gaps, centred
-        self._kept = Kept[Array]()
 
-    def prepare(self, terms: Sequence[Term], run: int) -> None:
-        """Compute the columns of several terms."""
-        for term in terms:
-            self.acting(term, run)
+    def _places(self, term: Term, run: int) -> Places:
+        own = enumerate(self._gaps[run])
+        return np.array([k for k, gap in own if term.at.split(".")[0] in (gap.joint, gap.link)][:1])
 
-    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
-        """Index of the gap that a term affects, shape (1,), and its columns there, shape (K, 1, 1 + P)."""
-        places = [
-            k for k, gap in enumerate(self._gaps[run]) if term.at.split(".")[0] in (gap.joint, gap.link)
-        ]
-        key = (*term.key, term.values, term.along, tuple(p.name for p in term.free), run)
-        found = self._kept.get(key)
-        if found is None:
-            gap = self._gaps[run][places[0]]
-            found = gap.reduce(_columns(term, gap))[:, None, :]
-            found = self._kept.keep(key, found - found.mean(axis=0) if self._centred[run] else found)
-        return np.array(places[:1]), found
+    def _made(self, term: Term, run: int) -> Array:
+        gap = self._gaps[run][self._places(term, run)[0]]
+        found = gap.reduce(_columns(term, gap))[:, None, :]
+        return found - found.mean(axis=0) if self._centred[run] else found
 
-    def contributed(self, terms: Sequence[Term], run: int) -> Array:
-        """Sum of the contributions of terms to the gaps, shape (K, n)."""
-        found = np.zeros((self._gaps[run][0].along.motion.reduced_time.size, len(self._gaps[run])))
-        for term in terms:
-            active, values = self.acting(term, run)
-            found[:, active] += values[:, :, 0]
-        return found
+    def _shape(self, run: int) -> tuple[int, int]:
+        return self._gaps[run][0].along.motion.reduced_time.size, len(self._gaps[run])
 
 
 def _columns(term: Term, gap: Gap) -> Array:

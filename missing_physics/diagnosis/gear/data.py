@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.gear.candidates import candidates
 from missing_physics.diagnosis.gear.columns import GapColumns
-from missing_physics.diagnosis.gear.gap import Gap
 from missing_physics.hypotheses import Candidate, Hypothesis
 from missing_physics.inference.data import Data, blocks_of
+from missing_physics.motion.gap import Gap
 from missing_physics.standard import MODEL_ERROR
 from missing_physics.standard.layout import Layout
 from robot_model import Robot

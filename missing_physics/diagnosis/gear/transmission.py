@@ -21,10 +21,10 @@ from missing_physics.diagnosis.further.merge import Further
 from missing_physics.diagnosis.gear.candidates import COVERED_CYCLE
 from missing_physics.diagnosis.gear.data import GapData
 from missing_physics.diagnosis.gear.findings import channels_of, reading_of
-from missing_physics.diagnosis.gear.gap import gaps_of
 from missing_physics.diagnosis.gear.laws import ELASTICITY, HYSTERESIS
 from missing_physics.inference import Fit, search, weighed
 from missing_physics.inference.fit import residuals
+from missing_physics.motion.gap import gaps_of
 from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.results.comparison import AT_NOISE
 from missing_physics.results.result import Finding, Mismatch

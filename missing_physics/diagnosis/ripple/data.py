@@ -19,7 +19,7 @@ from missing_physics.diagnosis.ripple.series import HIGHEST, Fast
 from missing_physics.diagnosis.ripple.whitening import Whitening
 from missing_physics.hypotheses import Candidate, Hypothesis, Place, Term, candidates, extent_of
 from missing_physics.inference.data import Data, blocks_of
-from missing_physics.inference.kept import Kept
+from missing_physics.inference.kept import TermColumns
 from missing_physics.standard import MODEL_ERROR
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.normal import Places
@@ -32,44 +32,28 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class _Columns:
-    """Columns of terms, those of the terms used last cached."""
+class _Columns(TermColumns):
+    """Columns of terms in the rows."""
 
     def __init__(self, data: RippleData) -> None:
+        super().__init__()
         self._data = data
-        self._kept = Kept[Array]()
 
-    def prepare(self, terms: Sequence[Term], run: int) -> None:
-        """Compute the columns of several terms."""
-        for term in terms:
-            self.acting(term, run)
+    def _places(self, term: Term, run: int) -> Places:
+        """All compared joints for an encoder, else the joint."""
+        if isinstance(term.effect, SensorEffect):
+            return np.array(self._data.compared)
+        return np.array([self._data.joints.index(term.joint)])
 
-    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
-        """The joints at which a term acts, shape (a,), and its columns there, shape (K, a, 1 + P)."""
-        effect, rows = term.effect, self._data.rows[run]
-        key = (*term.key, term.values, tuple(p.name for p in term.free), run)
-        found = self._kept.get(key)
-        place = self._data.joints.index(term.joint)
+    def _made(self, term: Term, run: int) -> Array:
+        effect, rows, places = term.effect, self._data.rows[run], self._places(term, run)
         if isinstance(effect, SensorEffect):
-            places = np.array(self._data.compared)
-            if found is None:
-                each = rows.own.of_encoder(term, effect)[:, places]
-                found = self._kept.keep(key, rows.reduced(each, places))
-            return places, found
-        places = np.array([place])
-        if found is None:
-            assert isinstance(effect, JointEffect)
-            each = rows.own.of_joint(term, effect)[:, None]
-            found = self._kept.keep(key, rows.reduced(each, places))
-        return places, found
+            return rows.reduced(rows.own.of_encoder(term, effect)[:, places], places)
+        assert isinstance(effect, JointEffect)
+        return rows.reduced(rows.own.of_joint(term, effect)[:, None], places)
 
-    def contributed(self, terms: Sequence[Term], run: int) -> Array:
-        """Sum of what terms contribute, shape (K, n)."""
-        found = np.zeros_like(self._data.target(run))
-        for term in terms:
-            places, values = self.acting(term, run)
-            found[:, places] += values[:, :, 0]
-        return found
+    def _shape(self, run: int) -> tuple[int, int]:
+        return self._data.target(run).shape
 
 
 def _known(every: Sequence[Fast]) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Candidate, Hypothesis, Term
+from missing_physics.inference.fit import RIDGE
 from missing_physics.inference.torques.runs import Run
 from missing_physics.inference.torques.yielding import WIDER, frequencies_of, rows_of_yielding
 from missing_physics.standard.prediction import knows_links
@@ -31,8 +32,6 @@ INSTANTS = 1000
 TOGETHER = 16
 #: Most starting values of one effect at one place, and over all of them.
 PEAKS, STARTS = 2, 6
-#: Fraction of the columns' total size below which a direction counts as not determined [-].
-RIDGE = 1e-9
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,6 @@ __all__ = ["WIDER", "frequencies_of", "of_yielding", "rows_of_yielding", "torque
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
-#: Samples of an interpolation.
-SIX = 6
 #: Torque relative to the largest recorded one beyond which a deflection grows without bound [-].
 FALLS = 1e3
 #: Least weight of a joint's residual, relative to the largest one [-].
@@ -92,16 +90,16 @@ def rows_of_yielding(
     return found * run.rows.counted[some, :, None, None]
 
 
-def _interpolated(values: Array, places: Array) -> Array:
-    """Series at places between its samples, in samples, (T, ...) to (K, ...): Lagrange's polynomial of six.
+def _interpolated(values: Array, places: Array, points: int = 6) -> Array:
+    """Series at places between its samples, in samples, (T, ...) to (K, ...): Lagrange's polynomial.
 
-    Its error is a thousandth at the band's end.
+    Its error with six points is a thousandth at the band's end.
     """
-    first = np.clip(np.floor(places).astype(int) - 2, 0, len(values) - SIX)
+    first = np.clip(np.floor(places).astype(int) - 2, 0, len(values) - points)
     apart = places - first
     found = np.zeros((places.size, *values.shape[1:]))
-    for k in range(SIX):
-        others = [m for m in range(SIX) if m != k]
+    for k in range(points):
+        others = [m for m in range(points) if m != k]
         weight = np.prod([(apart - m) / (k - m) for m in others], axis=0)
         found += weight.reshape(-1, *[1] * (values.ndim - 1)) * values[first + k]
     return found

@@ -10,10 +10,10 @@ from floating_gyros import diagnosed, recorded, small
 from missing_physics.diagnosis.base.data import BaseData
 from missing_physics.diagnosis.base.file import with_base
 from missing_physics.diagnosis.base.information import of_bodies
-from missing_physics.diagnosis.base.rates import Rates
 from missing_physics.diagnosis.base.stage import BaseResult
 from missing_physics.hypotheses import Term
 from missing_physics.inference.torques.data import TorqueData
+from missing_physics.motion.base.rates import Rates
 from missing_physics.motion.recorded import make_dynamics
 from missing_physics.results.result import Diagnosis, Fit, Result
 from missing_physics.standard import fit_standard

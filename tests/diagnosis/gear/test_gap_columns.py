@@ -11,11 +11,11 @@ from two_encoders import along_each
 
 from missing_physics.diagnosis.gear.columns import VELOCITY
 from missing_physics.diagnosis.gear.data import GapData
-from missing_physics.diagnosis.gear.gap import gaps_of
 from missing_physics.diagnosis.gear.laws import BACKLASH, BENDING, ELASTICITY, HYSTERESIS
 from missing_physics.hypotheses import Hypothesis, Term
 from missing_physics.inference import fitted
 from missing_physics.inference.fit import residuals
+from missing_physics.motion.gap import gaps_of
 from reference_model.effects.catalogue import get_effect
 from robot_model import Recording
 

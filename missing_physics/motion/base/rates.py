@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.gyros import covered, gyro_noise
-from missing_physics.diagnosis.base.response import Floating
+from missing_physics.motion.base.response import Floating
 from missing_physics.motion.inverse import MotionDynamics
 from missing_physics.motion.low_pass import LowPass
 from reference_model.effects.pushing import BodySeries

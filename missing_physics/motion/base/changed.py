@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.base.rates import Rates
+from missing_physics.motion.base.rates import Rates
 from reference_model.evaluation.model import RobotModel
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
