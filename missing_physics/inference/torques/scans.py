@@ -17,6 +17,7 @@ from missing_physics.hypotheses import Candidate, Hypothesis, Term
 from missing_physics.inference.fit import RIDGE
 from missing_physics.inference.torques.runs import Run
 from missing_physics.inference.torques.yielding import WIDER, frequencies_of, rows_of_yielding
+from missing_physics.standard.normal import Places
 from missing_physics.standard.prediction import knows_links
 from reference_model.effects.catalogue import catalogue
 from reference_model.effects.structure import StructureEffect
@@ -41,13 +42,15 @@ class Scan:
     Attributes:
         effect, at: the effect and its place.
         starts: parameters of each grid point.
-        torques: in the first rows of each recording, zero where nothing is compared, shape (K, n, V, 1 + S)
-            each (`yielding.rows_of_yielding`).
+        joints: indices of the joints that are compared in some recording, shape (a,).
+        torques: of these in the first rows of each recording, zero where nothing is compared, shape
+            (K, a, V, 1 + S) each (`yielding.rows_of_yielding`).
     """
 
     effect: StructureEffect
     at: str
     starts: tuple[dict[str, float], ...]
+    joints: Places
     torques: tuple[NDArray[np.float32], ...]
 
 
@@ -59,6 +62,7 @@ def scans_of(robot: Robot, runs: Sequence[Run]) -> tuple[Scan, ...]:
 
 
 def _scans(robot: Robot, runs: Sequence[Run]) -> Iterator[Scan]:
+    joints = np.flatnonzero(np.any([run.rows.counted.any(axis=0) for run in runs], axis=0))
     for effect in catalogue().values():
         if not isinstance(effect, StructureEffect) or not effect.adds_coordinates:
             continue
@@ -70,8 +74,10 @@ def _scans(robot: Robot, runs: Sequence[Run]) -> Iterator[Scan]:
                 continue
             starts = _slow(effect, at, starts, runs[0])
             most = INSTANTS // len(runs)
-            torques = tuple(_torques(effect, at, starts, run, most) for run in runs)
-            yield Scan(effect, at, tuple(starts), torques)
+            torques = tuple(_torques(effect, at, starts, run, most)[:, joints] for run in runs)
+            for run in runs:
+                run.reshaped.pop((effect.id, at), None)  # few places are tried, and each takes megabytes
+            yield Scan(effect, at, tuple(starts), joints, torques)
 
 
 def _slow(
@@ -124,8 +130,10 @@ def scanned(
         return []
     lengths = [len(own) for own in wanted[0].torques]
     fitted = [own[:length].any(axis=1) for own, length in zip(residual, lengths)]
-    designs = [own[:length] for own, length in zip(designs, lengths)]
-    residual = [own[:length] for own, length in zip(residual, lengths)]
+    joints = wanted[0].joints
+    sigma = sigma[joints]
+    designs = [own[:length, joints] for own, length in zip(designs, lengths)]
+    residual = [own[:length, joints] for own, length in zip(residual, lengths)]
     columns = _stacked([d[rows] / sigma[:, None] for d, rows in zip(designs, fitted)])
     columns /= np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
     known = np.linalg.qr(np.vstack([columns, RIDGE**0.5 * np.eye(columns.shape[1])]))[0][: len(columns)]
@@ -133,7 +141,9 @@ def scanned(
     left -= known @ (known.T @ left)
     found: list[tuple[float, Term]] = []
     for scan in wanted:
-        parts = [own[rows] / sigma[:, None, None] for own, rows in zip(scan.torques, fitted)]
+        parts = [
+            (own[rows] / sigma[:, None, None]).astype(np.float32) for own, rows in zip(scan.torques, fitted)
+        ]
         gain, price = _gains(parts, known, left[:, 0])
         price += np.log(len(scan.starts))  # one of many
         limits = scan.effect.limits(robot, scan.at)
@@ -144,25 +154,24 @@ def scanned(
     return [Candidate(term, expected=gain) for gain, term in best]
 
 
-def _gains(parts: Sequence[Array], known: Array, left: Array) -> tuple[Array, Array]:
+def _gains(parts: Sequence[NDArray[np.float32]], known: Array, left: Array) -> tuple[Array, Array]:
     """Log-likelihood gained at every grid point, and the price of free vibrations [nats], (V,) each.
 
     Args:
-        parts: torques in each recording, shape (K, n, V, 1 + S) each.
+        parts: torques in each recording, shape (K, a, V, 1 + S) each.
         known: orthonormal columns of the standard model at R rows of all recordings and joints, (R, X).
         left: residual, shape (R,).
     """
     sizes = np.cumsum([0, *(part.shape[0] * part.shape[1] for part in parts)])
     count, free = parts[0].shape[2], parts[0].shape[3] - 1
-    whole = np.zeros((sizes[-1], count, 1 + free * len(parts)))
-    for i, part in enumerate(parts):
-        rows, flat = slice(sizes[i], sizes[i + 1]), part.reshape(-1, count, 1 + free)
-        whole[rows, :, 0] = flat[:, :, 0]
-        whole[rows, :, 1 + free * i : 1 + free * (i + 1)] = flat[:, :, 1:]
-    prior = np.eye(whole.shape[2] - 1)
+    prior = np.eye(free * len(parts))
     gain, price = np.zeros((2, count))
     for v in range(count):
-        own = whole[:, v]
+        own = np.zeros((sizes[-1], 1 + free * len(parts)))
+        for i, part in enumerate(parts):
+            rows, flat = slice(sizes[i], sizes[i + 1]), part[:, :, v].reshape(-1, 1 + free)
+            own[rows, 0] = flat[:, 0]
+            own[rows, 1 + free * i : 1 + free * (i + 1)] = flat[:, 1:]
         across = known.T @ own
         gram, pull = own.T @ own - across.T @ across, own.T @ left
         gain[v] = pull[0] - 0.5 * gram[0, 0]
