@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from missing_physics.inference import search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
 from missing_physics.inference.torques.data import TorqueData
+from missing_physics.inference.torques.reversals import searched_at_reversals
 from missing_physics.plausibility import is_credible_number
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import (
@@ -83,6 +85,11 @@ def answered(
     found = search(data, progress)
     data = found.data
     known = weighed(found)
+    at_reversals = replace(standard, weights=replace(standard.weights, reversals=True))
+    friction = searched_at_reversals(
+        found, known, lambda: TorqueData.of(at_reversals, recordings, validation, extra), progress
+    )
+    known = weighed(found, friction)
     safe = guarded(data, known.answer, found.standard)
     load = carried(found, known.answer, safe.fit)
     safe = (load.safe if load else None) or safe

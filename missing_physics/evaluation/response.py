@@ -291,6 +291,12 @@ class Vibration:
         left, values, _ = np.linalg.svd(flat[:, visible] * scale, full_matrices=False)
         return cls(root, left, 1.0 - 1.0 / np.sqrt(1.0 + values**2))
 
+    @property
+    def left(self) -> Array:
+        """Fraction of the variance of white noise that whitening leaves in each row, shape (K, n)."""
+        lost = self.basis**2 @ (1.0 - (1.0 - self.taken) ** 2)
+        return np.asarray(1.0 - lost.reshape(self.root.shape))
+
     def removed(self, values: Array) -> Array:
         """Whitened series of the channels, (K, n, ...)."""
         if not self.taken.size:

@@ -12,11 +12,13 @@ link without dry friction is compared throughout.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.ndimage import label, maximum_filter1d, minimum_filter1d
 
-__all__ = ["NEAR", "determined", "directions", "shares", "slides"]
+__all__ = ["NEAR", "cells", "determined", "directions", "shares", "slides", "undetermined"]
 
 Array = NDArray[np.float64]
 
@@ -24,6 +26,9 @@ Array = NDArray[np.float64]
 NEAR = 3.0
 #: Largest error at a kink, as a fraction of filter memory times change of slope: that of a moving average.
 ROUNDED = 0.5
+#: Error of the velocity at the kink itself, as the same fraction, of the zero-phase filter of
+#: `evaluation.band`: the mean of the positive part of time, weighted by its impulse response.
+KINK = 0.104
 
 
 def slides(
@@ -40,11 +45,68 @@ def slides(
     size = 2 * int(np.ceil(memory / step)) + 1
     change = maximum_filter1d(acceleration, size, axis=0) - minimum_filter1d(acceleration, size, axis=0)
     change = maximum_filter1d(change, size, axis=0)
-    random = NEAR * np.pi / memory * np.sqrt(3.0 / 5.0) * noise  # white noise below 1 / (2 memory)
-    bend = ROUNDED * memory * np.sqrt(np.maximum(change**2 - random**2, 0.0))
+    bend = ROUNDED * memory * _certain(change, noise, memory)
     near = np.abs(velocity) <= NEAR * noise + bend
     spread = int(np.ceil(memory / step)) | 1  # the filter spreads friction this far
     return np.asarray(~maximum_filter1d(near, spread, axis=0))
+
+
+def undetermined(
+    velocity: Array, acceleration: Array, noise: Array, *, memory: float, step: float
+) -> NDArray[np.bool_]:
+    """Samples in which the direction of each joint's motion is not known, shape (N, n).
+
+    Args:
+        velocity, acceleration, noise, memory, step: see `slides`.
+    """
+    size = 2 * int(np.ceil(memory / step)) + 1
+    change = maximum_filter1d(acceleration, size, axis=0) - minimum_filter1d(acceleration, size, axis=0)
+    found = np.abs(velocity) <= NEAR * noise + KINK * memory * _certain(change, noise, memory)
+    crossed = velocity[1:] * velocity[:-1] <= 0.0
+    found[1:] |= crossed
+    found[:-1] |= crossed
+    return np.asarray(found)
+
+
+def _certain(change: Array, noise: Array, memory: float) -> Array:
+    """Change of acceleration beyond its noise, which is white below 1 / (2 memory), shape (N, n)."""
+    random = NEAR * np.pi / memory * np.sqrt(3.0 / 5.0) * noise
+    return np.sqrt(np.maximum(change**2 - random**2, 0.0))
+
+
+def cells(
+    unknown: NDArray[np.bool_],
+    slow: NDArray[np.bool_],
+    near: NDArray[np.bool_],
+    *,
+    longest: int,
+    size: int,
+) -> tuple[NDArray[np.bool_], list[slice]]:
+    """Samples near the stops of one joint, and its quick reversals divided into cells.
+
+    Args:
+        unknown: samples in which its direction is not known, shape (N,).
+        slow: these, and those in which it hardly moves, shape (N,).
+        near: these, and those to which the filter spreads their friction, shape (N,), see `slides`.
+        longest: number of slow samples in a row above which it stops.
+        size: largest number of samples in a cell.
+
+    Returns:
+        Mask of the samples near stops, shape (N,), and the cells.
+    """
+    parts, _ = label(near)
+    stops = [parts[first] for first, last in _stretches(slow) if last - first > longest]
+    rest, found = np.isin(parts, stops), []
+    for first, last in _stretches(unknown):
+        if not rest[first]:
+            cuts = np.linspace(first, last, -(-(last - first) // size) + 1).round().astype(int)
+            found += [slice(*own) for own in pairwise(cuts)]
+    return rest, found
+
+
+def _stretches(mask: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """First sample of each stretch of a mask, and the one after its last, shape (S, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int))).reshape(-1, 2)
 
 
 def determined(noise: Array, dry: Array) -> Array:

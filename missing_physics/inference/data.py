@@ -137,6 +137,10 @@ class Data(ABC):
     def counted(self, run: int) -> Mask:
         """Mask of the rows of one recording that are compared, shape (K, n)."""
 
+    def samples(self, run: int) -> Array:
+        """Number of samples that each row of one recording counts as, 0 to 1, shape (K, n)."""
+        return self.counted(run).astype(float)
+
     @abstractmethod
     def target(self, run: int) -> Array:
         """Values to be fitted in one recording, zero where nothing is compared, shape (K, n)."""
@@ -245,7 +249,7 @@ class Data(ABC):
                 parts = []
                 for run, rows in self.stretches(fold):
                     columns = [own[rows] for own in self.active_columns[run]]
-                    count = self.counted(run)[rows].sum(axis=0).astype(float)
+                    count = self.samples(run)[rows].sum(axis=0)
                     target = self.target(run)[rows]
                     parts.append(Normal.of(self.active, columns, target, count, self.file_values.size))
                 self._normals[fold] = total_of(parts)
@@ -297,11 +301,12 @@ class Data(ABC):
         return found
 
 
-def blocks_of(counted: Sequence[Mask], fitted: int) -> tuple[Block, ...]:
+def blocks_of(counted: Sequence[Mask] | Sequence[Array], fitted: int) -> tuple[Block, ...]:
     """Blocks of all recordings; without held-out recordings a quarter of each one is held out.
 
     Args:
-        counted: mask of the rows of each recording that are compared, shape (K, n) each.
+        counted: rows of each recording that are compared, or the number of samples that they count as, shape
+            (K, n) each.
         fitted: number of recordings that are fitted; the others are held out.
     """
     found: list[Block] = []

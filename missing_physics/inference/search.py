@@ -29,7 +29,7 @@ from missing_physics.inference.screening import Screen, ScreenedCandidate
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 from reference_model.effects.base import JointEffect
 
-__all__ = ["search", "standard_search"]
+__all__ = ["leading", "search", "standard_search", "try_candidate"]
 
 Array = NDArray[np.float64]
 
@@ -180,7 +180,7 @@ def _extensions(state: Search[Any], old: Fit, progress: Progress | None) -> list
         hypothesis, here = option.candidate.added_to(old.hypothesis), _local_key(option.candidate, old)
         if hypothesis.key in state.made or here in state.futile:
             continue
-        fit = _try_candidate(state, option.candidate, hypothesis, old)
+        fit = try_candidate(state, option.candidate, hypothesis, old)
         if fit is None or state.score(fit) <= state.score(old):
             state.futile.add(here)
         if fit is None:
@@ -195,7 +195,7 @@ def _extensions(state: Search[Any], old: Fit, progress: Progress | None) -> list
         hypothesis = old.hypothesis
         for _, candidate in best.values():
             hypothesis = candidate.added_to(hypothesis)
-        fit = _try_candidate(state, next(iter(best.values()))[1], hypothesis, old, everywhere=True)
+        fit = try_candidate(state, next(iter(best.values()))[1], hypothesis, old, everywhere=True)
         new += [] if fit is None else [fit]
     return new
 
@@ -213,7 +213,7 @@ def _promising(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]
     places = {option.candidate.term.joint for option in screened}
     most, counts = max(PER_PLACE, FITTED // max(len(places), 1)), dict.fromkeys(places, 0)
     chosen = []
-    for option in _leading(screened):
+    for option in leading(screened):
         place = option.candidate.term.joint
         if option.gain >= PROMISE * ODDS and counts[place] < most:
             counts[place] += 1
@@ -229,7 +229,7 @@ def _is_same(one: ScreenedCandidate, other: ScreenedCandidate) -> bool:
     return (own.key, own.run) == (theirs.key, theirs.run)
 
 
-def _leading(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
+def leading(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
     """For every effect at every place, the candidate with the most promising driving signal."""
     best: dict[tuple[object, ...], ScreenedCandidate] = {}
     for option in screened:
@@ -287,7 +287,7 @@ def _is_local(state: Search[Any], term: Term) -> bool:
     return isinstance(term.effect, JointEffect) and term.at in state.data.joints
 
 
-def _try_candidate(
+def try_candidate(
     state: Search[Any], candidate: Candidate, hypothesis: Hypothesis, old: Fit, *, everywhere: bool = False
 ) -> Fit | None:
     """The fit with a candidate; None where it is impossible or explains nothing.
@@ -373,7 +373,7 @@ def _with_file_laws(state: Search[Any], best: Fit) -> Fit:
     for option in _screened(state, best):
         hypothesis = option.candidate.added_to(best.hypothesis)
         if option.candidate.term in lacking and hypothesis.key not in state.made:
-            _try_candidate(state, option.candidate, hypothesis, best)
+            try_candidate(state, option.candidate, hypothesis, best)
     return state.best
 
 
@@ -414,13 +414,13 @@ def _compare_with_rivals(state: Search[Any], best: Fit, term: Term) -> None:
         if name in less.hypothesis.from_file and _delay_may_explain(state, name, term):
             _with_estimated(state, less, name)
     every = _screened(state, less, term)
-    screened = [one for one in _leading(every) if one.candidate.term.key != term.key]
+    screened = [one for one in leading(every) if one.candidate.term.key != term.key]
     close = [one for one in screened if one.gain > screened[0].gain - CLOSE]
     same = [one for one in every if _has_other_signal(one.candidate.term, term)]
     for option in (*screened[: max(RIVALS, min(len(close), 2 * RIVALS))], *same):
         hypothesis = option.candidate.added_to(less.hypothesis)
         if option.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
-            _try_candidate(state, option.candidate, hypothesis, less)
+            try_candidate(state, option.candidate, hypothesis, less)
 
 
 def _surroundings(state: Search[Any], fit: Fit, term: Term) -> tuple[object, ...]:
@@ -438,11 +438,11 @@ def _exchange_parameters(state: Search[Any], best: Fit) -> None:
     reported as one of the effects that replace it.
     """
     differing = {name for name in stated(state.data, best.hypothesis) if not name.endswith(TIMING)}
-    for option in _leading(_screened(state, best)):
+    for option in leading(_screened(state, best)):
         hypothesis = option.candidate.added_to(best.hypothesis)
         replaces = differing.intersection(name for name, _ in option.candidate.held)
         if replaces and option.gain > -CLOSE and hypothesis.key not in state.made:
-            _try_candidate(state, option.candidate, hypothesis, best)
+            try_candidate(state, option.candidate, hypothesis, best)
 
 
 def _has_other_signal(term: Term, than: Term) -> bool:
@@ -458,7 +458,7 @@ def _with_unnamed_forces(state: Search[Any], best: Fit, progress: Progress | Non
         for option in _screened(state, start, named=False)[:RIVALS]:
             hypothesis = option.candidate.added_to(start.hypothesis)
             if option.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
-                _try_candidate(state, option.candidate, hypothesis, start)
+                try_candidate(state, option.candidate, hypothesis, start)
     return state.best
 
 

@@ -19,7 +19,7 @@ from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
 from missing_physics.evaluation.band import SPOILED_PERIODS, low_passed, thinned
 from missing_physics.evaluation.held import as_held
-from missing_physics.evaluation.sliding import directions, shares, slides
+from missing_physics.evaluation.sliding import cells, directions, shares, slides, undetermined
 from missing_physics.evaluation.steps import unsteadiness
 from missing_physics.recordings import noise_of, sensor_of
 from missing_physics.recordings.channels.estimates import resolution_of
@@ -84,6 +84,7 @@ class BandMotion:
         cutoff: end of the band [Hz].
         smoothing: cut-off of the position filter [Hz].
         sampling: sampling rate of the recording [Hz].
+        reversals: whether samples near quick reversals are compared, too.
     """
 
     source: str
@@ -99,6 +100,7 @@ class BandMotion:
     cutoff: float
     smoothing: float
     sampling: float
+    reversals: bool = False
 
     @property
     def rate(self) -> float:
@@ -124,7 +126,34 @@ class BandMotion:
     @property
     def direction(self) -> Array:
         """Direction of each joint's friction, -1 to 1, shape (N, n)."""
-        return directions(self.velocity, self.slides)
+        return directions(self.velocity, ~self.unknown if self.reversals else self.slides)
+
+    @cached_property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Samples in which the direction of each joint's motion is not known, shape (N, n)."""
+        state = self.velocity, self.acceleration, self.velocity_noise
+        return undetermined(*state, memory=self.memory, step=1.0 / self.rate)
+
+    @cached_property
+    def parts(self) -> tuple[tuple[NDArray[np.bool_], list[slice]], ...]:
+        """For each joint the samples near stops, shape (N,), and the cells of its quick reversals.
+
+        A stop lasts longer than half a period of the band's end. A cell is as long as the filter's memory.
+        """
+        speed = np.abs(self.velocity)
+        slow = self.unknown | (speed <= SLOWEST * speed.max(axis=0))
+        near = ~self.slides | slow
+        longest, size = round(0.5 * self.rate / self.cutoff), max(1, round(self.memory * self.rate))
+        return tuple(
+            cells(*own, longest=longest, size=size) for own in zip(self.unknown.T, slow.T, near.T)
+        )
+
+    def in_cells(self, k: int) -> Array:
+        """A force of one in each cell of joint k's reversals, smoothed, shape (N, V)."""
+        found = np.zeros((self.time.size, len(self.parts[k][1])))
+        for column, cell in enumerate(self.parts[k][1]):
+            found[cell, column] = 1.0
+        return self.smooth(found) if found.size else found
 
     @property
     def memory(self) -> float:
@@ -155,6 +184,8 @@ class BandMotion:
     def shares(self, prismatic: NDArray[np.bool_], rest: Array) -> Array:
         """Weight of every sample at each joint, 0 to 1, shape (N, n): one where it slides fast enough.
 
+        With `reversals` it is one except near stops.
+
         Args:
             prismatic: mask of prismatic joints, shape (n,): speeds are compared within each kind.
             rest: weight of the other samples, shape (n,); zero for a joint held while others move.
@@ -165,7 +196,10 @@ class BandMotion:
             if kind.any():
                 least[kind] = SLOWEST * float(speed[:, kind].max())
                 least[kind & (width < SLOWEST * float(width[kind].max()))] = np.inf
-        return shares(self.slides & (speed > least), np.where(np.isfinite(least), rest, 0.0))
+        moves, known = np.isfinite(least), self.slides & (speed > least)
+        if self.reversals:
+            known = ~np.column_stack([stopped for stopped, _ in self.parts]) & moves
+        return shares(known, np.where(moves, rest, 0.0))
 
     def steadiness(self, residual: Array) -> Array:
         """Weight of every torque sample, 0 to 1, shape (N, n): usual variance over the variance of its error.

@@ -334,5 +334,5 @@ def design_of(rows: Rows) -> Array:
     design[:, :, numbers - 3 : numbers] = 0.0  # gravity is known, and included in the masses' columns
     for k in range(joints):
         design[:, k, numbers + k * kinds : numbers + (k + 1) * kinds] = rows.friction[:, k]
-    design[:, :, numbers:] = rows.vibration.removed(design[:, :, numbers:])
+    design[:, :, numbers:] = rows.nuisance.removed(design[:, :, numbers:])
     return design

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from missing_physics.bodies.pseudo_inertia import COUNT, sizes
 from missing_physics.checks.actuation import is_passive
+from missing_physics.evaluation.nuisance import Nuisance
 from missing_physics.evaluation.response import Vibration
-from missing_physics.standard.band import band_motion, motion_band
+from missing_physics.standard.band import BandMotion, band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
 from reference_model.dynamics.inertial import body_names
 from reference_model.effects.base import Effect, JointEffect
@@ -79,10 +80,12 @@ class Weights:
     Attributes:
         rest: weight of samples in which a joint may be at rest, shape (n,).
         residual: rms residual of the fit at each joint, shape (n,) [N m or N].
+        reversals: whether samples near quick reversals are compared, too, with their friction as noise.
     """
 
     rest: Array
     residual: Array
+    reversals: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,8 @@ class Rows:
             time within the band's filter, shape (K, n).
         shares: weight with which each sample enters the rows, 0 to 1, shape (N, n): see `sliding`.
         noise: rms in the band of the noise of torques and encoders, shape (n,).
-        vibration: of flexible links; it is removed from torque and derivatives by inertial parameters.
+        nuisance: correlated noise; it is removed from torque and derivatives by inertial parameters.
+        weights: those from which `shares` follow.
         shaken: rms in the band of the torque of links excited by encoder noise, shape (n,).
         scale: torque relative to which errors are judged, shape (K, n): the measured one; for an undriven
             joint the root sum of squares of its bodies' contributions, as these cancel each other.
@@ -116,8 +120,14 @@ class Rows:
     shares: Array
     noise: Array
     scale: Array
-    vibration: Vibration
+    nuisance: Nuisance
+    weights: Weights
     shaken: Array
+
+    @property
+    def samples(self) -> Array:
+        """Number of samples that each row counts as, 0 to 1, shape (K, n)."""
+        return np.where(self.counted, self.nuisance.left, 0.0)
 
 
 def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
@@ -168,6 +178,7 @@ def rows_of(
         weights: of samples; when None, one where a joint slides and zero where it may be at rest.
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
+    motion = replace(motion, reversals=weights is not None and weights.reversals)
     along = Along.of(model, motion, _bodies(model, about))
     direction = motion.smooth(motion.direction)  # as the torque
     friction = np.stack([motion.velocity, direction, np.ones_like(motion.velocity)], axis=2)
@@ -194,19 +205,20 @@ def rows_of(
     else:
         counted = sample.at(time, model.joints) & known.all(axis=0)
     own = np.where(known, motion.smooth_torque, 0.0) - others
-    vibration, shaken = _vibration(along, shares, counted, noise)
+    nuisance, shaken = _nuisance(along, shares, counted, noise, given)
     return Rows(
         source=recording.source,
         time=time,
-        torque=vibration.removed(motion.reduce(own * shares)),
+        torque=nuisance.removed(motion.reduce(own * shares)),
         measured=torque,
-        inertial=vibration.removed(motion.reduce(inertial * shares[:, :, None])),
+        inertial=nuisance.removed(motion.reduce(inertial * shares[:, :, None])),
         friction=motion.reduce(friction * shares[:, :, None]),
         counted=counted,
         shares=shares,
         noise=noise,
         scale=scale,
-        vibration=vibration,
+        nuisance=nuisance,
+        weights=given,
         shaken=shaken,
     )
 
@@ -216,26 +228,44 @@ def taken_about(rows: Rows, along: Along) -> Rows:
     motion, shares, inertial = along.motion, rows.shares, along.regressor
     others = motion.smooth(torque_of_effects(along)) + along.constant(inertial)
     own = np.where(np.isfinite(motion.torque), motion.smooth_torque, 0.0) - others
-    vibration, shaken = _vibration(along, shares, rows.counted, rows.noise)
+    nuisance, shaken = _nuisance(along, shares, rows.counted, rows.noise, rows.weights)
     return replace(
         rows,
-        torque=vibration.removed(motion.reduce(own * shares)),
-        inertial=vibration.removed(motion.reduce(inertial * shares[:, :, None])),
-        vibration=vibration,
+        torque=nuisance.removed(motion.reduce(own * shares)),
+        inertial=nuisance.removed(motion.reduce(inertial * shares[:, :, None])),
+        nuisance=nuisance,
         shaken=shaken,
     )
 
 
-def _vibration(
-    along: Along, shares: Array, counted: NDArray[np.bool_], noise: Array
-) -> tuple[Vibration, Array]:
-    """Vibration of the links, and the rms of the part excited by encoder noise, shape (n,)."""
+def _nuisance(
+    along: Along, shares: Array, counted: NDArray[np.bool_], noise: Array, weights: Weights
+) -> tuple[Nuisance, Array]:
+    """Correlated noise, and the rms of the links' vibration excited by encoder noise, shape (n,)."""
     full, spread = along.vibration()
     columns = along.motion.reduce(full * shares[:, :, None])
     floor = np.maximum(noise, NOISELESS * max(float(noise.max()), TINY))
     wandering = np.where(np.isfinite(spread), spread, 0.0)  # the start is removed wherever it is compared
     shaken = np.sqrt(np.mean(((columns * wandering) ** 2).sum(axis=2), axis=0))
-    return Vibration.of(columns, counted / floor**2, spread), shaken
+    reversals = _reversals(along.motion, shares, counted, weights)
+    whitened = Nuisance(Vibration.of(columns[:, :, :0], counted / floor**2), reversals)
+    links = Vibration.of(whitened.without_reversals(columns), counted / floor**2, spread)
+    return Nuisance(links, reversals), shaken
+
+
+def _reversals(
+    motion: BandMotion, shares: Array, counted: NDArray[np.bool_], weights: Weights
+) -> tuple[Vibration, ...]:
+    """Unknown friction of each joint at its quick reversals, in units of the noise of its torque."""
+    if not weights.reversals:
+        return ()
+    found = []
+    for k, weight in enumerate(weights.rest):
+        level = np.sqrt((1.0 - weight) / weight) if weight > 0.0 else 0.0  # see `sliding.determined`
+        columns = motion.reduce(level * motion.in_cells(k) * shares[:, [k]])[:, None, :]
+        mask = counted[:, [k]].astype(float)
+        found.append(Vibration.of(columns, mask, np.ones(columns.shape[2])))
+    return tuple(found)
 
 
 def _bodies(model: RobotModel, about: Array | None) -> Array:

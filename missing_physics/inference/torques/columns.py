@@ -127,7 +127,7 @@ class KeptColumns:
         more = np.zeros_like(found)
         for k, values in _torques_of_each(fresh, own, run):
             more[:, k] += values
-        found += own.rows.vibration.removed(more)
+        found += own.rows.nuisance.removed(more)
         return np.where(own.rows.counted, found, 0.0)
 
     def _known(self, term: Term, run: int) -> Columns | None:
@@ -238,17 +238,7 @@ def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple
             active = np.array([k] if own.any() else [], dtype=int)
             found[i] = active, own[:, None, :][:, : active.size]
     is_body = [isinstance(term.effect, BodyEffect | StructureEffect) for term in terms]  # whitened already
-    return [found[i] if own else _whitened(run, *found[i]) for i, own in enumerate(is_body)]
-
-
-def _whitened(run: Run, active: Places, values: Array) -> tuple[Places, Array]:
-    """Columns at some joints with the vibration of links, which acts on all joints, removed."""
-    vibration = run.rows.vibration
-    if not vibration.taken.size or not active.size:
-        return active, values
-    found = np.zeros((len(values), len(run.model.joints), values.shape[2]))
-    found[:, active] = values
-    return np.arange(found.shape[1]), vibration.removed(found)
+    return [found[i] if own else run.rows.nuisance.removed_at(*found[i]) for i, own in enumerate(is_body)]
 
 
 def _torques_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[int, Array]]:

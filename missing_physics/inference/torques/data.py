@@ -87,7 +87,7 @@ class TorqueData(Data):
         """
         runs = runs_of(standard, (*recordings, *held_out))
         fitted = len(recordings)
-        blocks = blocks_of([run.rows.counted for run in runs], fitted)
+        blocks = blocks_of([run.rows.samples for run in runs], fitted)
         squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
         # A channel that is zero throughout needs a scale, too.
@@ -249,6 +249,10 @@ class TorqueData(Data):
         """Mask of the rows of one recording that are compared, shape (K, n)."""
         return self.runs[run].rows.counted
 
+    def samples(self, run: int) -> Array:
+        """Number of samples that each row of one recording counts as, 0 to 1, shape (K, n)."""
+        return self.runs[run].rows.samples
+
     def candidates(
         self, hypothesis: Hypothesis, parameters: Array, residual: Sequence[Array]
     ) -> list[Candidate]:
@@ -315,7 +319,7 @@ def _delay_columns(run: Run) -> Array:
     found = np.zeros((len(rate), joints, 1 + joints))
     found[:, :, 0] = rate
     found[:, np.arange(joints), 1 + np.arange(joints)] = rate
-    return run.rows.vibration.removed(found)
+    return run.rows.nuisance.removed(found)
 
 
 def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_], step: float) -> Layout:

@@ -61,7 +61,7 @@ def of_link(term: Term, effect: StructureEffect, run: Run) -> Array:
         unit = _unit(run, effect, term.at)
         first, second = (_joint_torques(run, unit, each) for each in (value, value + step))
     columns = [first, (second - first) / step] if term.free else [first]
-    return run.rows.vibration.removed(run.reduce(np.stack(columns, axis=2)))
+    return run.rows.nuisance.removed(run.reduce(np.stack(columns, axis=2)))
 
 
 def _with_beam_parameter(run: Run, place: int, value: float) -> Array:

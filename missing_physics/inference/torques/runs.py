@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -214,6 +214,7 @@ def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[R
     found, laws = [], tuple(_modified(standard.nominal))
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)
+        motion = replace(motion, reversals=standard.weights.reversals)
         rows = rows_of(
             model, recording, standard.cutoff, about=standard.estimate.values, weights=standard.weights
         )
@@ -263,7 +264,7 @@ def _run_about(
         model=model,
         along=along,
         rows=rows,
-        torque=rows.torque + rows.vibration.removed(motion.reduce(change * rows.shares)),
+        torque=rows.torque + rows.nuisance.removed(motion.reduce(change * rows.shares)),
         acting=np.nan_to_num(_advanced(motion, motion.torque, delays)),
         parameters=parameters,
         friction=friction,

@@ -55,7 +55,7 @@ def _columns(term: Term, effect: StructureEffect, run: Run, steps: Values) -> Ar
     acting = [k for k, p in enumerate(trials) if _is_present(effect, p)]
     if acting:
         rows = rows_of_yielding(effect, term.at, run, [trials[k] for k in acting])
-        found[:, :, acting] = _begun(run, run.rows.vibration.removed(rows))
+        found[:, :, acting] = _begun(run, run.rows.nuisance.removed(rows))
     slopes = [(found[:, :, k + 1] - found[:, :, 0]) / step for k, step in enumerate(steps.values())]
     return np.stack([found[:, :, 0], *slopes], axis=2)
 

@@ -127,7 +127,7 @@ def along(data: TorqueData, use: EffectUse) -> np.ndarray:
     made, still = prescribed(bare.with_effects(use), *state), prescribed(bare, *state)
     joints = ("joint1", "joint2")
     full = np.column_stack([made[f"{joint}.torque"] - still[f"{joint}.torque"] for joint in joints])
-    return run.rows.vibration.removed(run.reduce(full))
+    return run.rows.nuisance.removed(run.reduce(full))
 
 
 @pytest.mark.parametrize(
