@@ -4,9 +4,9 @@ Hypotheses are weighted by their log scores, with blocks resampled by the Bayesi
 Yao, Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)), so that evidence from a few blocks alone does
 not give certainty.
 
-Hypotheses that differ in friction only may also be fitted to rows on which friction shows better, which contain
-the rows of the search. Then their relative probabilities are those on these rows; the probability of all of
-them together remains that of the search.
+Hypotheses that differ in friction only may also be fitted to rows on which friction shows better, and which
+contain those of the search. Then their relative probabilities are those on these rows; the probability of all
+of them together remains that of the search.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _statement(data: Data, fit: Fit) -> tuple[object, ...]:
 
 
 def apart_from_friction(data: Data, fit: Fit) -> tuple[object, ...]:
-    """Key that is equal for hypotheses that differ in laws of dry friction, viscous and Coulomb friction only.
+    """Key that is equal for hypotheses that differ in dry and viscous friction only.
 
     Args:
         data: the rows.

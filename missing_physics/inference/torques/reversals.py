@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from missing_physics.hypotheses import Candidate, Term
-from missing_physics.inference.fit import Fit, fitted, residuals
+from missing_physics.hypotheses import Candidate, Hypothesis, Term
+from missing_physics.inference.fit import Fit, fitted, residuals, with_other_file_parameters
 from missing_physics.inference.ledger import Search
 from missing_physics.inference.posterior import Posterior, apart_from_friction
 from missing_physics.inference.score import independent_shares
@@ -55,14 +55,45 @@ def searched_at_reversals(
     state = _begun(rows(), found, known.answer)
     best = _with_best_laws(state, state.best)
     for fit in [fit for fit in state.fits if state.score(fit) > state.score(best) - FAR]:
-        if fit.hypothesis.key not in found.made:
-            _refitted(found, fit)
+        _keep_better(found, fitted(found.about(fit), fit.hypothesis, fit))
     likely = [fit for fit, weight in zip(known.fits, known.weights) if weight > LIKELY]
+    for fit in likely:  # the same laws with other parameters from the file
+        hypothesis = _with_laws_of(best.hypothesis, fit.hypothesis)
+        if hypothesis is not None:
+            _with_parameters(state, hypothesis, best)
+            _with_parameters(found, hypothesis, found.made[best.hypothesis.key])
     groups = [apart_from_friction(found.data, fit) for fit in [*likely, *state.fits]]
+    plain = state.made[known.answer.hypothesis.key]
     for fit, group in zip(likely, groups):
-        if groups.count(group) > 1 and fit.hypothesis.key not in state.made:
+        if groups.count(group) > 1 and _terms(fit.hypothesis) == _terms(plain.hypothesis):
+            _with_parameters(state, fit.hypothesis, plain)
+        elif groups.count(group) > 1 and fit.hypothesis.key not in state.made:
             _refitted(state, fit)
     return state
+
+
+def _terms(hypothesis: Hypothesis) -> object:
+    return hypothesis.key[0]
+
+
+def _with_laws_of(best: Hypothesis, other: Hypothesis) -> Hypothesis | None:
+    """The second hypothesis with the laws of dry friction of the first; None if it has other effects."""
+    own = [tuple(term for term in one.terms if not term.effect.family) for one in (best, other)]
+    same = _terms(replace(best, terms=own[0])) == _terms(replace(best, terms=own[1]))
+    return replace(best, from_file=other.from_file, accuracy=other.accuracy) if same else None
+
+
+def _with_parameters(state: Search[TorqueData], hypothesis: Hypothesis, start: Fit) -> None:
+    """Fit a hypothesis with the terms of a fit, but other parameters from the robot file."""
+    _keep_better(state, with_other_file_parameters(state.about(start), hypothesis, start))
+
+
+def _keep_better(state: Search[TorqueData], fit: Fit) -> None:
+    """Store a fit once it has settled, unless the one of the same hypothesis that is stored is better."""
+    before = state.made.get(fit.hypothesis.key)
+    made = state.settled(fit, whole=False)
+    if before is not None and state.score(before) > state.score(made):
+        state.keep(before)
 
 
 def _dry(data: TorqueData, fit: Fit) -> list[str]:
