@@ -144,9 +144,7 @@ class BandMotion:
         slow = self.unknown | (speed <= SLOWEST * speed.max(axis=0))
         near = ~self.slides | slow
         longest, size = round(0.5 * self.rate / self.cutoff), max(1, round(self.memory * self.rate))
-        return tuple(
-            cells(*own, longest=longest, size=size) for own in zip(self.unknown.T, slow.T, near.T)
-        )
+        return tuple(cells(*own, longest=longest, size=size) for own in zip(self.unknown.T, slow.T, near.T))
 
     def in_cells(self, k: int) -> Array:
         """A force of one in each cell of joint k's reversals, smoothed, shape (N, V)."""

@@ -8,7 +8,7 @@ a search have little weight. On rows in which only the unknown part of the frict
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +28,8 @@ __all__ = ["searched_at_reversals"]
 LIKELY = 2e-3
 #: Laws whose score is this much below the best one are not added to the search [nats]: the same probability.
 FAR = 6.0
+#: Place at which no term is: nonlinear parameters keep the estimates of the rows that determine them better.
+NOWHERE = ""
 
 
 def searched_at_reversals(
@@ -55,24 +57,46 @@ def searched_at_reversals(
     state = _begun(rows(), found, known.answer)
     best = _with_best_laws(state, state.best)
     for fit in [fit for fit in state.fits if state.score(fit) > state.score(best) - FAR]:
-        _keep_better(found, fitted(found.about(fit), fit.hypothesis, fit))
+        _add_to(found, fit, known.answer)
     likely = [fit for fit, weight in zip(known.fits, known.weights) if weight > LIKELY]
-    for fit in likely:  # the same laws with other parameters from the file
-        hypothesis = _with_laws_of(best.hypothesis, fit.hypothesis)
-        if hypothesis is not None:
-            _with_parameters(state, hypothesis, best)
-            _with_parameters(found, hypothesis, found.made[best.hypothesis.key])
-    groups = [apart_from_friction(found.data, fit) for fit in [*likely, *state.fits]]
-    plain = state.made[known.answer.hypothesis.key]
-    for fit, group in zip(likely, groups):
-        if groups.count(group) > 1 and _terms(fit.hypothesis) == _terms(plain.hypothesis):
-            _with_parameters(state, fit.hypothesis, plain)
-        elif groups.count(group) > 1 and fit.hypothesis.key not in state.made:
-            _refitted(state, fit)
+    if _terms(best.hypothesis) != _terms(known.answer.hypothesis):
+        for fit in likely:  # these laws with other parameters from the file
+            hypothesis = _with_laws_of(best.hypothesis, fit.hypothesis)
+            if hypothesis is not None:
+                _with_parameters(state, hypothesis, best)
+                _with_parameters(found, hypothesis, found.made[best.hypothesis.key])
+    _compare(state, likely, state.made[known.answer.hypothesis.key])
     return state
 
 
+def _compare(state: Search[TorqueData], likely: Sequence[Fit], answer: Fit) -> None:
+    """Fit those of the likely hypotheses that differ from others in friction only."""
+    groups = [apart_from_friction(state.data, fit) for fit in likely]
+    compared = {apart_from_friction(state.data, fit) for fit in state.fits}
+    for fit, group in zip(likely, groups):
+        if group not in compared and groups.count(group) < 2:
+            continue
+        if _terms(fit.hypothesis) == _terms(answer.hypothesis):
+            _with_parameters(state, fit.hypothesis, answer)
+        elif fit.hypothesis.key not in state.made:
+            _refitted(state, fit)
+
+
+def _add_to(found: Search[TorqueData], fit: Fit, answer: Fit) -> None:
+    """Add a fit to rows that include reversals to the search, fitted to the rows of the search.
+
+    Its rows may hardly determine the law, so nonlinear parameters keep their estimates; only in the answer of
+    the search are all fitted again from there.
+    """
+    key = fit.hypothesis.key
+    if key == answer.hypothesis.key:
+        _keep_better(found, fitted(found.about(fit), fit.hypothesis, fit))
+    elif key not in found.made or any(term.effect.family for term in fit.hypothesis.terms):
+        found.settled(fitted(found.about(fit), fit.hypothesis, fit, NOWHERE), whole=False)
+
+
 def _terms(hypothesis: Hypothesis) -> object:
+    """Key of the effects of a hypothesis."""
     return hypothesis.key[0]
 
 
