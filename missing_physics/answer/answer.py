@@ -11,7 +11,7 @@ import numpy as np
 from missing_physics.answer.augmented import augmented
 from missing_physics.answer.experiments import separating
 from missing_physics.answer.findings import answer_of, is_large, of_bodies
-from missing_physics.answer.guard import guarded
+from missing_physics.answer.guard import guarded, worse
 from missing_physics.answer.load import carried
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, series_of, without_delay
@@ -21,6 +21,7 @@ from missing_physics.hypotheses import TIMING
 from missing_physics.inference import search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
+from missing_physics.inference.posterior import Posterior
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.inference.torques.reversals import searched_at_reversals
 from missing_physics.plausibility import is_credible_number
@@ -84,12 +85,8 @@ def answered(
     progress("weighing hypotheses")
     found = search(data, progress)
     data = found.data
-    known = weighed(found)
-    at_reversals = replace(standard, weights=replace(standard.weights, reversals=True))
-    friction = searched_at_reversals(
-        found, known, lambda: TorqueData.of(at_reversals, recordings, validation, extra), progress
-    )
-    known = weighed(found, friction)
+    near = replace(standard, weights=replace(standard.weights, reversals=True))
+    known = _weighed(found, lambda: TorqueData.of(near, recordings, validation, extra), progress)
     safe = guarded(data, known.answer, found.standard)
     load = carried(found, known.answer, safe.fit)
     safe = (load.safe if load else None) or safe
@@ -142,6 +139,25 @@ def answered(
         ),
         every,
     )
+
+
+def _weighed(
+    found: Search[TorqueData], near_reversals: Callable[[], TorqueData], progress: Progress
+) -> Posterior:
+    """The posterior, with laws of dry friction compared near reversals, too.
+
+    Args:
+        found: the search.
+        near_reversals: makes rows that include quick reversals. Laws that these prefer are not taken where
+            they predict the held-out rows of the search worse.
+        progress: called with a phrase when laws are compared.
+    """
+    known = weighed(found)
+    friction = searched_at_reversals(found, known, near_reversals, progress)
+    if friction is None:
+        return known
+    anew = weighed(found, friction)
+    return known if worse(found.data, anew.answer, known.answer) else anew
 
 
 def _windows(

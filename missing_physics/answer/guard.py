@@ -19,7 +19,7 @@ from missing_physics.inference import Fit, fitted
 from missing_physics.inference.torques.data import TorqueData
 from reference_model.effects.base import BodyEffect
 
-__all__ = ["WORSE", "Guarded", "guarded"]
+__all__ = ["WORSE", "Guarded", "guarded", "worse"]
 
 #: An rms that exceeds another by this factor is worse: two halves of one recording differ by 2 %.
 WORSE = 1.02
@@ -53,12 +53,12 @@ def guarded(data: TorqueData, fit: Fit, standard: Fit) -> Guarded:
     hypothesis = fit.hypothesis
     file = _file(data, hypothesis, fit)
     for bodies in (False, True):
-        worse = _worse(data, file, standard)
-        if not worse:
+        joints = worse(data, file, standard)
+        if not joints:
             break
-        hypothesis = _standard_at(hypothesis, worse, bodies=bodies)
+        hypothesis = _standard_at(hypothesis, joints, bodies=bodies)
         file = _file(data, hypothesis, file)
-    if _worse(data, file, standard):
+    if worse(data, file, standard):
         hypothesis = _with_bodies_of(data, hypothesis, standard)
         file = _file(data, hypothesis, file)
     hypothesis, file = _no_worse_than_file(data, hypothesis, file)
@@ -108,9 +108,15 @@ def _possible(data: TorqueData, hypothesis: Hypothesis, start: Fit) -> Fit:
     return made
 
 
-def _worse(data: TorqueData, made: Fit, standard: Fit) -> list[str]:
-    """Joints whose held-out error is larger than the standard model's."""
-    return _larger(data, _held_out(data, made.errors), _held_out(data, standard.errors))
+def worse(data: TorqueData, made: Fit, other: Fit) -> list[str]:
+    """Joints whose held-out error is larger than that of another fit, such as the standard model's.
+
+    Args:
+        data: the rows.
+        made: the fit.
+        other: the other fit.
+    """
+    return _larger(data, _held_out(data, made.errors), _held_out(data, other.errors))
 
 
 def _larger(data: TorqueData, ours: Array, theirs: Array) -> list[str]:
