@@ -24,9 +24,9 @@ from missing_physics.inference.torques.data import TorqueData
 
 __all__ = ["searched_at_reversals"]
 
-#: Least probability of a hypothesis that is fitted anew [-]; less does not change a hundredth.
-LIKELY = 2e-3
-#: Laws whose score is this much below the best one are not added to the search [nats]: the same probability.
+#: Least probability of a hypothesis that is fitted anew [-]: probabilities are stated to a hundredth.
+LIKELY = 1e-2
+#: Laws whose score is this much below the best one are not added to the search [nats]: a quarter of that.
 FAR = 6.0
 #: Place at which no term is: nonlinear parameters keep the estimates of the rows that determine them better.
 NOWHERE = ""
