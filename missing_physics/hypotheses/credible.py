@@ -11,13 +11,11 @@ from missing_physics.plausibility import credible_range, implausible
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.base import BodyEffect, Parameter
 from reference_model.effects.catalogue import get_effect
+from reference_model.effects.gear_spring import SLOWEST_TWIST
 from robot_model import Robot
 
 __all__ = ["not_credible", "prior_of"]
 
-#: Longest credible time constant of a gear's twist, damping over stiffness [s]: that of a rotor resonating on
-#: it at 10 Hz with a third of critical damping. A slower gear would creep.
-SLOWEST_TWIST = 0.01
 #: A credible range extends two standard deviations to either side.
 WIDTH = 0.5
 

@@ -6,11 +6,22 @@ import casadi as ca
 
 from reference_model.effects.base import GearSignals, Parameter, Values
 
-__all__ = ["DAMPING", "SPRING_STATED", "STIFFEST", "STIFFNESS_RANGE", "damper", "shared_stiffness"]
+__all__ = [
+    "DAMPING",
+    "SLOWEST_TWIST",
+    "SPRING_STATED",
+    "STIFFEST",
+    "STIFFNESS_RANGE",
+    "damper",
+    "shared_stiffness",
+]
 
 #: Credible stiffness of a gear, from a toy servo to a telescope axis [N m/rad or N/m].
 STIFFNESS_RANGE = (1.0, 1e9)
 STIFFEST = STIFFNESS_RANGE[1]
+#: Longest credible time constant of a gear's twist, damping over stiffness [s]: that of a rotor resonating on
+#: it at 10 Hz with a third of critical damping. A slower gear would creep.
+SLOWEST_TWIST = 0.01
 
 #: Note on `stiffness` and `damping` of an effect that may use the spring of another one.
 SPRING_STATED = "0 where `joint_elasticity` at the same joint states it"
