@@ -3,7 +3,7 @@
 Near a quick reversal the direction of a joint's dry friction is not known, so its friction may be anything up
 to its level c. The stretch is divided into cells of the filter's memory, and in each of them an unknown force
 of standard deviation c is added to the white noise of the torque. Everything compared is whitened by the
-inverse root of that covariance, as for vibration (`response.Vibration`): what such forces resemble is
+inverse root of that covariance, as for vibration (`vibration.whitening`): what such forces resemble is
 removed, and the rest, such as the course of friction over speed on either side, is compared.
 """
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.evaluation.response import Vibration
+from missing_physics.evaluation.vibration.whitening import Vibration
 
 __all__ = ["Nuisance"]
 

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
-from missing_physics.evaluation.response import Response
+from missing_physics.evaluation.vibration.response import Response
 from missing_physics.evaluation.yielding import WIDER, Moving, Yields, moved_by, springs_of
 from reference_model.codegen.kept import kept
 from reference_model.dynamics.balance import LOADS

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from missing_physics.evaluation.band import Band, low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
 from missing_physics.evaluation.prediction import predicted
-from missing_physics.evaluation.response import Vibration
+from missing_physics.evaluation.vibration.whitening import Vibration
 from robot_model import Recording, Robot, unit_of
 
 __all__ = ["Evaluation", "evaluate"]

@@ -26,7 +26,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from missing_physics.evaluation.band import low_passed
-from missing_physics.evaluation.response import newmark, vibrating
+from missing_physics.evaluation.vibration.newmark import newmark, pushed
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.pushing import BodySeries, ForceAlong
@@ -87,6 +87,11 @@ class Moving:
         """Samples per second [Hz]."""
         return float(1.0 / (self.time[1] - self.time[0]))
 
+    @property
+    def stride(self) -> int:
+        """Samples between the instants at which the added coordinates are computed."""
+        return max(1, int(self.rate / (DENSER * self.cutoff)))
+
 
 @dataclass(frozen=True)
 class Yielding:
@@ -107,10 +112,11 @@ class Yielding:
     rate: Array
     place: Array
 
-    def until(self, most: int | None) -> Yielding:
-        """The first instants, at most `most`."""
+    def within(self, first: float, last: float) -> Yielding:
+        """The instants between two times [s]."""
+        some = slice(*np.searchsorted(self.time, (first, last)))
         parts = (self.force, self.mass, self.rate, self.place)
-        return Yielding(self.time[:most], self.reached, *(part[:most] for part in parts))
+        return Yielding(self.time[some], self.reached, *(part[some] for part in parts))
 
     def plus(self, factor: float, other: Yielding) -> Yielding:
         """The sum with `factor` times another one at the same instants."""
@@ -177,8 +183,6 @@ def moved_by(each: Sequence[Yielding], springs: Sequence[tuple[Array, Array]], b
         below: frequency up to which free vibrations are wanted [rad/s].
     """
     count, step = each[0].force.shape[1], float(each[0].time[1] - each[0].time[0])
-    stiffness = np.stack([one.place[:, :count] + own for one, (own, _) in zip(each, springs)], axis=1)
-    damping = np.stack([one.rate[:, :count] + own for one, (_, own) in zip(each, springs)], axis=1)
     mass = np.stack([one.mass[:, :count] for one in each], axis=1)
     force = -np.stack([one.force for one in each], axis=1)
     held = np.stack([own for own, _ in springs])
@@ -194,16 +198,11 @@ def moved_by(each: Sequence[Yielding], springs: Sequence[tuple[Array, Array]], b
     free[0][:, sprung, : some.size] = shapes[:, :, some] * scale[:, None]
     free[1][:, sprung, some.size :] = shapes[:, :, some] * (scale * frequencies[:, some])[:, None]
     start = np.concatenate([start, free], axis=3)
-    forces = np.zeros((*force.shape, start.shape[3]))
-    forces[..., 0] = force
     implicit = newmark(mass[len(mass) // 2], held, step)
-    found = np.zeros((len(force), each[0].mass.shape[1] - count, len(each), start.shape[3]))
+    masses, rates, places = ([getattr(one, name) for one in each] for name in ("mass", "rate", "place"))
     with np.errstate(over="ignore", invalid="ignore"):  # deflections that grow without bound
-        moved = vibrating(mass, stiffness, damping, forces, step, (start[0], start[1]), implicit)
-        for v, one in enumerate(each):
-            parts = zip((one.place, one.rate, one.mass), moved)
-            found[:, :, v] = sum(part[:, count:] @ own[:, v] for part, own in parts)
-    return found
+        forces = [-one.force for one in each]
+        return pushed(masses, rates, places, forces, springs, start, step, implicit)
 
 
 def modes_of(mass: Array, stiffness: Array) -> tuple[Array, Array]:
@@ -257,7 +256,7 @@ def _made(moving: Moving, model: RobotModel, numbers: Array, balanced: bool) -> 
         still = model.inverse_dynamics(motion.position[:1], rest, rest, base=there, inertial=numbers)
         held = still[0, :first]
         needed[:, :first] -= held
-    stride = max(1, int(motion.rate / (DENSER * motion.cutoff)))
+    stride = motion.stride
     force = low_passed(needed, rate=motion.rate, cutoff=WIDER * motion.cutoff)
     force[: motion.first] = force[motion.first]
     grid = _Grid.of(moving, model, base, numbers)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.evaluation.response import Response
+from missing_physics.evaluation.vibration.response import Response
 from missing_physics.standard.band import BandMotion
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.bodies.pseudo_inertia import COUNT, sizes
 from missing_physics.checks.actuation import is_passive
 from missing_physics.evaluation.nuisance import Nuisance
-from missing_physics.evaluation.response import Vibration
+from missing_physics.evaluation.vibration.whitening import Vibration
 from missing_physics.standard.band import BandMotion, band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
 from reference_model.dynamics.inertial import body_names

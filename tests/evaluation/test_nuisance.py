@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.nuisance import Nuisance
-from missing_physics.evaluation.response import Vibration
 from missing_physics.evaluation.sliding import cells, determined, shares, slides, undetermined
+from missing_physics.evaluation.vibration.whitening import Vibration
 
 Array = NDArray[np.float64]
 

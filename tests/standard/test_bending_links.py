@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.evaluation import evaluate
 from missing_physics.evaluation.band import Band
-from missing_physics.evaluation.response import UNKNOWN, Vibration
+from missing_physics.evaluation.vibration.whitening import UNKNOWN, Vibration
 from missing_physics.standard import fit_standard
 from missing_physics.standard.band import BandMotion, band_motion
 from missing_physics.standard.bending import model_of

@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.evaluation.response import Vibration, vibrating
+from missing_physics.evaluation.vibration.newmark import vibrating
+from missing_physics.evaluation.vibration.whitening import Vibration
 from missing_physics.hypotheses import Term
 from missing_physics.inference.kept import Kept, step_of
 from missing_physics.motion.base.changed import Changed, Slope, masses_of

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.base.bodies import MOMENTUM, bodies_column, layout_of, momentum_names
 from missing_physics.diagnosis.base.candidates import candidates
 from missing_physics.diagnosis.base.columns import BaseColumns
-from missing_physics.evaluation.response import Vibration
+from missing_physics.evaluation.vibration.whitening import Vibration
 from missing_physics.hypotheses import Candidate, Hypothesis
 from missing_physics.inference.data import MANY, Data, blocks_of
 from missing_physics.motion.base.rates import Rates

@@ -2,8 +2,8 @@
 
 The motion of the modes is computed with the link of the robot file. With the changed link, it leaves forces
 in the equations of base, joints and modes. The modes respond to them with the changed stiffness and damping;
-the further change of velocities is neglected (`missing_physics.evaluation.response`). If the effect changes a
-parameter of a beam, the motion of the modes is integrated again.
+the further change of velocities is neglected (`missing_physics.evaluation.vibration.response`). If the effect
+changes a parameter of a beam, the motion of the modes is integrated again.
 """
 
 from __future__ import annotations

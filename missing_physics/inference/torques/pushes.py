@@ -21,7 +21,7 @@ def on_body(term: Term, effect: ForceEffect, run: Run) -> Array:
     """Columns of a force on a body, see `columns.columns_of`; not yet whitened.
 
     Its wrench is computed along the motion without it; a free base responds to it to first order
-    (`missing_physics.evaluation.response`).
+    (`missing_physics.evaluation.vibration.response`).
     """
     signals, spread = (_base(run), np.eye(6)) if term.at == "base" else run.body(term.at)
     pushed = ForceAlong(effect, run.model.robot)

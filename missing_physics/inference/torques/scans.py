@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import Candidate, Hypothesis, Term
 from missing_physics.inference.fit import RIDGE
 from missing_physics.inference.torques.runs import Run
-from missing_physics.inference.torques.yielding import WIDER, frequencies_of, rows_of_yielding
+from missing_physics.inference.torques.yielding import (
+    WIDER,
+    frequencies_of,
+    rows_of_yielding,
+    rows_within,
+    stretch_of,
+)
 from missing_physics.standard.normal import Places
 from missing_physics.standard.prediction import knows_links
 from reference_model.effects.catalogue import catalogue
@@ -27,7 +33,8 @@ __all__ = ["Scan", "scanned", "scans_of"]
 
 Array = NDArray[np.float64]
 
-#: Most instants of a scan over all recordings, from their starts: over a hundred periods of the band's end.
+#: Most instants of a scan over all recordings, where the standard model errs most: over a hundred periods of
+#: the band's end.
 INSTANTS = 1000
 #: Robots that are computed together, which limits memory.
 TOGETHER = 16
@@ -43,14 +50,16 @@ class Scan:
         effect, at: the effect and its place.
         starts: parameters of each grid point.
         joints: indices of the joints that are compared in some recording, shape (a,).
-        torques: of these in the first rows of each recording, zero where nothing is compared, shape
-            (K, a, V, 1 + S) each (`yielding.rows_of_yielding`).
+        rows: those of each recording.
+        torques: in these, zero where nothing is compared, shape (K, a, V, 1 + S) each
+            (`yielding.rows_of_yielding`).
     """
 
     effect: StructureEffect
     at: str
     starts: tuple[dict[str, float], ...]
     joints: Places
+    rows: tuple[slice, ...]
     torques: tuple[NDArray[np.float32], ...]
 
 
@@ -62,6 +71,8 @@ def scans_of(robot: Robot, runs: Sequence[Run]) -> tuple[Scan, ...]:
 
 
 def _scans(robot: Robot, runs: Sequence[Run]) -> Iterator[Scan]:
+    stretches = [stretch_of(run, INSTANTS // len(runs)) for run in runs]
+    rows = tuple(rows_within(run, *within) for run, within in zip(runs, stretches))
     joints = np.flatnonzero(np.any([run.rows.counted.any(axis=0) for run in runs], axis=0))
     for effect in catalogue().values():
         if not isinstance(effect, StructureEffect) or not effect.adds_coordinates:
@@ -73,11 +84,12 @@ def _scans(robot: Robot, runs: Sequence[Run]) -> Iterator[Scan]:
             except InputError:
                 continue
             starts = _slow(effect, at, starts, runs[0])
-            most = INSTANTS // len(runs)
-            torques = tuple(_torques(effect, at, starts, run, most)[:, joints] for run in runs)
+            torques = tuple(
+                _torques(effect, at, starts, run, within)[:, joints] for run, within in zip(runs, stretches)
+            )
             for run in runs:
                 run.reshaped.pop((effect.id, at), None)  # few places are tried, and each takes megabytes
-            yield Scan(effect, at, tuple(starts), joints, torques)
+            yield Scan(effect, at, tuple(starts), joints, rows, torques)
 
 
 def _slow(
@@ -94,12 +106,16 @@ def _slow(
 
 
 def _torques(
-    effect: StructureEffect, at: str, starts: Sequence[dict[str, float]], run: Run, most: int
+    effect: StructureEffect,
+    at: str,
+    starts: Sequence[dict[str, float]],
+    run: Run,
+    within: tuple[float, float],
 ) -> NDArray[np.float32]:
     """Torques in the rows of one recording, shape (K, n, V, 1 + S); unused free vibrations are zero."""
     parts = []
     for first in range(0, len(starts), TOGETHER):
-        rows = rows_of_yielding(effect, at, run, starts[first : first + TOGETHER], most)
+        rows = rows_of_yielding(effect, at, run, starts[first : first + TOGETHER], within)
         parts.append(rows.astype(np.float32))
     most = max(part.shape[3] for part in parts)
     wide = [np.pad(part, ((0, 0), (0, 0), (0, 0), (0, most - part.shape[3]))) for part in parts]
@@ -128,12 +144,11 @@ def scanned(
     wanted = [scan for scan in scans if (scan.effect.id, scan.at) not in present]
     if not wanted:
         return []
-    lengths = [len(own) for own in wanted[0].torques]
-    fitted = [own[:length].any(axis=1) for own, length in zip(residual, lengths)]
-    joints = wanted[0].joints
+    joints, some = wanted[0].joints, wanted[0].rows
     sigma = sigma[joints]
-    designs = [own[:length, joints] for own, length in zip(designs, lengths)]
-    residual = [own[:length, joints] for own, length in zip(residual, lengths)]
+    designs = [own[rows][:, joints] for own, rows in zip(designs, some)]
+    residual = [own[rows][:, joints] for own, rows in zip(residual, some)]
+    fitted = [own.any(axis=1) for own in residual]
     columns = _stacked([d[rows] / sigma[:, None] for d, rows in zip(designs, fitted)])
     columns /= np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
     known = np.linalg.qr(np.vstack([columns, RIDGE**0.5 * np.eye(columns.shape[1])]))[0][: len(columns)]

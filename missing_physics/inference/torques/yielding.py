@@ -1,8 +1,8 @@
 """Columns of effects that add coordinates to rigid robots: a compliant base, a link that bends.
 
-The added coordinates follow from the joints' motion (`missing_physics.evaluation.yielding`). The vibration
-with which a recording begins is estimated from the recording itself, with a prior as wide as the largest
-deflection under the forces of the motion.
+The added coordinates follow from the joints' motion (`missing_physics.evaluation.yielding`). The
+vibration with which a recording begins is estimated from the recording itself, with a prior as wide as the
+largest deflection under the forces of the motion.
 """
 
 from __future__ import annotations
@@ -27,11 +27,21 @@ from missing_physics.inference.kept import step_of
 from missing_physics.inference.torques.runs import Run
 from reference_model.effects.structure import StructureEffect
 
-__all__ = ["WIDER", "frequencies_of", "of_yielding", "rows_of_yielding", "torques_of_yielding"]
+__all__ = [
+    "WIDER",
+    "frequencies_of",
+    "of_yielding",
+    "rows_of_yielding",
+    "rows_within",
+    "stretch_of",
+    "torques_of_yielding",
+]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
+#: A whole recording [s].
+ALL = -np.inf, np.inf
 #: Torque relative to the largest recorded one beyond which a deflection grows without bound [-].
 FALLS = 1e3
 #: Least weight of a joint's residual, relative to the largest one [-].
@@ -61,7 +71,7 @@ def _columns(term: Term, effect: StructureEffect, run: Run, steps: Values) -> Ar
 
 
 def rows_of_yielding(
-    effect: StructureEffect, at: str, run: Run, trials: Sequence[Values], most: int | None = None
+    effect: StructureEffect, at: str, run: Run, trials: Sequence[Values], within: tuple[float, float] = ALL
 ) -> Array:
     """Torques in the rows of a recording for V values of an effect's parameters, shape (K, n, V, 1 + S).
 
@@ -72,10 +82,10 @@ def rows_of_yielding(
     Args:
         effect, at, run: the effect, its place and the recording.
         trials: values of its parameters.
-        most: instants of the integration, from the start; all when None. Later rows are left out.
+        within: times between which they are wanted [s]. Other rows are left out.
     """
     motion = run.motion
-    each = [_dynamics_of(effect, at, run, p).until(most) for p in trials]
+    each = [_dynamics_of(effect, at, run, p).within(*within) for p in trials]
     springs = [springs_of(effect, run.model.robot, at, p, each[0].reached) for p in trials]
     time, full = each[0].time, moved_by(each, springs, 2.0 * np.pi * WIDER * motion.cutoff)
     impossible = FALLS * float(np.abs(run.torque).max())
@@ -85,9 +95,28 @@ def rows_of_yielding(
     nearest = np.searchsorted(motion.time, time).clip(0, motion.time.size - 1)
     weighted = full * run.rows.shares[nearest, :, None, None]
     smooth = low_passed(weighted, rate=1.0 / (time[1] - time[0]), cutoff=motion.cutoff)
-    some = run.rows.time <= (time[-1] if most else np.inf)
+    some = rows_within(run, *within)
     found = _interpolated(smooth, (run.rows.time[some] - time[0]) / (time[1] - time[0]))
     return found * run.rows.counted[some, :, None, None]
+
+
+def stretch_of(run: Run, instants: int) -> tuple[float, float]:
+    """The times between which the standard model errs most, in a stretch of so many instants [s]."""
+    moving, time, left = _moving(run), run.rows.time, run.residual
+    length = instants * moving.stride / moving.rate
+    if time[-1] - time[0] <= length:
+        return ALL
+    energy = (left**2 / np.maximum(np.mean(left**2, axis=0), np.finfo(float).tiny)).sum(axis=1)
+    total = np.concatenate([[0.0], np.cumsum(energy)])
+    ends = np.searchsorted(time, time + length)
+    first = int(np.argmax(np.where(ends < time.size, total[ends] - total[:-1], -np.inf)))
+    return float(time[first]), float(time[first]) + length
+
+
+def rows_within(run: Run, first: float, last: float) -> slice:
+    """Rows between two times [s]."""
+    begin, end = np.searchsorted(run.rows.time, (first, last))
+    return slice(int(begin), int(end))
 
 
 def _interpolated(values: Array, places: Array, points: int = 6) -> Array:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.evaluation.response import vibrating
+from missing_physics.evaluation.vibration.newmark import vibrating
 
 __all__ = ["Floating"]
 

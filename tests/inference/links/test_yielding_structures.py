@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis import Options, Result, diagnose
-from missing_physics.evaluation.response import newmark, vibrating
+from missing_physics.evaluation.vibration.newmark import newmark, vibrating
 from missing_physics.hypotheses import Term
 from missing_physics.inference.torques.columns import columns_of
 from missing_physics.inference.torques.data import TorqueData
