@@ -133,6 +133,7 @@ def _dry(data: TorqueData, fit: Fit) -> list[str]:
 
 def _begun(data: TorqueData, found: Search[TorqueData], answer: Fit) -> Search[TorqueData]:
     """A search on these rows that holds the answer of another one."""
+    data.scans.append(())  # structures that yield are compared on the rows of the other search
     standard = fitted(data, found.standard.hypothesis, found.standard)
     state = Search(data, standard, {}, found.shares)
     fit = _refitted(state, answer)

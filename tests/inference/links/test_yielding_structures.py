@@ -13,6 +13,7 @@ from missing_physics.evaluation.vibration.newmark import newmark, vibrating
 from missing_physics.hypotheses import Term
 from missing_physics.inference.torques.columns import columns_of
 from missing_physics.inference.torques.data import TorqueData
+from missing_physics.inference.torques.yielding import stretch_of
 from missing_physics.standard import fit_standard
 from reference_model.effects.catalogue import get_effect
 from reference_model.passive.prescribed import prescribed
@@ -106,6 +107,23 @@ def test_a_compliant_base_is_named() -> None:
 def test_a_rigid_arm_on_a_rigid_base_is_consistent() -> None:
     result = diagnosed("", "")
     assert result.diagnosis.verdict == "consistent"
+
+
+def test_structures_are_sought_where_the_standard_model_errs_most() -> None:
+    """A recording that begins at rest shows none there."""
+    real = recorded("two_link_arm", "base_motion", "base", 1)
+    rest = np.arange(0.0, 20.0, 1.0 / RATE)
+    generator = np.random.default_rng(3)
+    first = {
+        name: own[0] + generator.normal(0.0, own[:25].std(), rest.size) for name, own in real.channels.items()
+    }
+    time = np.concatenate([rest, rest[-1] + 1.0 / RATE + real.time])
+    joined = {name: np.concatenate([first[name], own]) for name, own in real.channels.items()}
+    later = Recording(time, joined, "at rest, then moving")
+    run = TorqueData.of(fit_standard(arm(), [later]), [later]).runs[0]
+    begin, end = stretch_of(run, 200)
+    assert begin > rest[-1]
+    assert end <= time[-1]
 
 
 def test_phase_of_a_vibration_has_an_error_of_fourth_order() -> None:
