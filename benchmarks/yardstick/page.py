@@ -193,6 +193,8 @@ def _moved(diagnosis: Mapping[str, Any]) -> Iterator[str]:
 
 def _timing(timing: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for one in timing:
+        if abs(one["samples"]) < 0.005:  # none in two digits
+            continue
         where = PurePath(one["recording"]).name or "all recordings"
         undone = ", undone" if one["undone"] else ""
         yield f"{one['samples']:.2f} samples in {where} ({one['channel']}{undone})"
