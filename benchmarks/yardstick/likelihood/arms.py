@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
 from robot_model import Recording, Robot, robot_from_toml
@@ -19,7 +20,7 @@ __all__ = ["EFFECTS", "Arm", "arm_of"]
 
 Array = NDArray[np.float64]
 
-#: Effects of the catalogue that an arm has beyond friction and offsets; none in the first of every seven.
+#: Effects of the catalogue that an arm has beyond friction and offsets; none in the first of every eight.
 EFFECTS = (
     "",
     "cable_spring",
@@ -28,7 +29,10 @@ EFFECTS = (
     "asymmetric_friction",
     "quadratic_drag",
     "external_torque",
+    "lugre_friction",
 )
+#: Effects that hold Coulomb friction themselves.
+LAWS = ("stribeck_friction", "lugre_friction")
 #: First number of the seeds.
 SEED = 62000
 GRAVITY = 9.81
@@ -43,6 +47,10 @@ FILE_ERROR = 0.03
 #: Highest frequency of a ripple at the median speed, as a multiple of the highest one of the motion [-]: the
 #: band ends at five times the bandwidth of the motion.
 RIPPLE = 2.5
+#: Travel before bristles slide relative to the joint's [-], and their damping over their stiffness [s].
+PRESLIDING, BUILDS_UP = (3e-4, 3e-2), (1e-3, 1e-2)
+#: Steps of the bristles' equation within a sample, in which the speed is taken as constant.
+STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -100,7 +108,7 @@ class Arm:
 
 
 def arm_of(number: int, *, drift: float = 0.0) -> Arm:
-    """The arm of a number: seven effects in turn, first with one joint, then with two.
+    """The arm of a number: eight effects in turn, first with one joint, then with two.
 
     Args:
         number: of the draw.
@@ -127,7 +135,7 @@ def arm_of(number: int, *, drift: float = 0.0) -> Arm:
     truth = _effect(random, effect, float(size[k]), motions[0], k, time) if effect else {}
     if effect in ("cable_spring", "asymmetric_friction"):  # holds a constant torque itself
         friction[f"joint{k + 1}.offset"] = 0.0
-    if effect == "stribeck_friction":  # holds Coulomb friction itself
+    if effect in LAWS:
         friction[f"joint{k + 1}.coulomb"] = 0.0
     delay = float(random.normal(0.0, 1.0 / rate))
     encoder, torque_noise = _decades(random, *ENCODER), size * _decades(random, *TORQUE)
@@ -221,11 +229,19 @@ def _effect(
             "sine_per_torque": random.normal(0.0, 0.025),
             "order": random.uniform(2.0 * np.pi / travel, max(end, 4.0 * np.pi / travel)),
         }
-    if effect == "stribeck_friction":
-        return {
+    if effect in LAWS:
+        found = {
             "coulomb_torque": force,
             "static_torque": force * random.uniform(1.2, 2.5),
             "stribeck_velocity": fastest * _decades(random, 0.05, 0.4),
+        }
+        if effect == "stribeck_friction":
+            return found
+        stiffness = force / (travel * _decades(random, *PRESLIDING))
+        return {
+            **found,
+            "bristle_stiffness": stiffness,
+            "bristle_damping": stiffness * _decades(random, *BUILDS_UP),
         }
     if effect == "asymmetric_friction":
         return {
@@ -250,14 +266,41 @@ def _with_effect(
         share = 1.0 + p["cosine_per_torque"] * cosine + p["sine_per_torque"] * sine
         return (needed - p["cosine"] * cosine - p["sine"] * sine) / share
     if effect == "stribeck_friction":
-        above = (p["static_torque"] - p["coulomb_torque"]) * np.exp(-((v / p["stribeck_velocity"]) ** 2))
-        return needed + (p["coulomb_torque"] + above) * np.sign(v)
+        return needed + _level(p, v) * np.sign(v)
+    if effect == "lugre_friction":
+        return needed + _bristles(p, time, v)
     if effect == "asymmetric_friction":
         return needed + p["coulomb_difference"] * np.sign(v) ** 2 + p["viscous_difference"] * np.abs(v)
     if effect == "quadratic_drag":
         return needed + p["coefficient"] * np.abs(v) * v
     inside = (time > p["start"]) & (time < p["start"] + p["duration"])
     return needed - p["torque"] * inside
+
+
+def _level(p: Mapping[str, float], v: Array) -> Array:
+    """Friction of Stribeck's law at a speed."""
+    above = (p["static_torque"] - p["coulomb_torque"]) * np.exp(-((v / p["stribeck_velocity"]) ** 2))
+    return np.asarray(p["coulomb_torque"] + above)
+
+
+def _bristles(p: Mapping[str, float], time: Array, v: Array) -> Array:
+    """Friction of LuGre's law that opposes a velocity, starting as it slides, shape (N,).
+
+    The deflection z follows z' = v - s0 |v| z / g(v), exactly for a constant speed within each step; the
+    damping is passive at every speed (Barahanov and Ortega 2000).
+    """
+    stiffness, step = p["bristle_stiffness"], (time[1] - time[0]) / STEPS
+    fine = time[0] + step * (np.arange((time.size - 1) * STEPS) + 0.5)
+    speed = make_interp_spline(time, v, k=5)(fine)
+    rest = _level(p, speed) / stiffness
+    kept = np.exp(-np.abs(speed) * step / rest)
+    bent = np.empty(fine.size + 1)
+    bent[0] = _level(p, v[0]) / stiffness * np.sign(v[0])
+    for k, (share, aim) in enumerate(zip(kept, np.sign(speed) * rest)):
+        bent[k + 1] = aim + (bent[k] - aim) * share
+    z, level = bent[::STEPS], _level(p, v)
+    damping = p["bristle_damping"] / (1.0 + p["bristle_damping"] * np.abs(v) / (4.0 * level))
+    return np.asarray(stiffness * z + damping * (v - stiffness * np.abs(v) * z / level))
 
 
 def _robot(

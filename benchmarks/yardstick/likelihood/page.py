@@ -273,8 +273,9 @@ def _coverage(fits: Sequence[FitMeasures]) -> str:
     words = (
         f"Arm k of one or two joints is drawn with the seed ({SEED}, k), k from 0 to {len(fits) - 1}: "
         f"masses, motions of four sines below 0.7 Hz for {DURATION:g} s at 100, 200 or 500 Hz, friction, "
-        "offsets, a delay of all torques of about a sample, and in turn none or one of six effects of 5 to "
-        "50 % of the torque. Torques are exact along the analytic motion, with 1 to 10 % of white noise; the "
+        "offsets, a delay of all torques of about a sample, and in turn none or one of "
+        f"{len(EFFECTS) - 1} effects of 5 to 50 % of the torque. Torques are exact along the analytic "
+        "motion, with 1 to 10 % of white noise; the "
         f"file's masses are off by {percent(FILE_ERROR, 0)}, and it has no friction. The true hypothesis is "
         "fitted from the starting values that the search takes; a second recording is held out. Errors are in"
         " stated standard deviations: their rms is one if these are right, the median of their size 0.67 if "
