@@ -174,13 +174,20 @@ class Yields:
         return Yielding(self.typical.time, self.typical.reached, **found)
 
 
-def moved_by(each: Sequence[Yielding], springs: Sequence[tuple[Array, Array]], below: float) -> Array:
+def moved_by(
+    each: Sequence[Yielding],
+    springs: Sequence[tuple[Array, Array]],
+    below: float,
+    begins: Array | None = None,
+) -> Array:
     """Torques at the joints due to the added coordinates of V robots, shape (T, n, V, 1 + S).
 
     Args:
         each: their dynamics.
         springs: stiffness and damping of their added coordinates, shape (p, p) each.
         below: frequency up to which free vibrations are wanted [rad/s].
+        begins: amplitudes of the first robot's free vibrations; all robots start with these, and no free
+            vibration is returned.
     """
     count, step = each[0].force.shape[1], float(each[0].time[1] - each[0].time[0])
     mass = np.stack([one.mass[:, :count] for one in each], axis=1)
@@ -192,12 +199,15 @@ def moved_by(each: Sequence[Yielding], springs: Sequence[tuple[Array, Array]], b
     start[0][:, sprung] = np.linalg.solve(held[blocks], force[0][:, sprung, None])
     shapes, frequencies = modes_of(mass[0][blocks], held[blocks])
     largest = np.abs(np.einsum("vpm,tvp->tvm", shapes, force[:, :, sprung])).max(axis=0) / frequencies**2
-    some = np.flatnonzero((frequencies < below).any(axis=0))
-    scale = (largest * (frequencies < below))[:, some]
+    slow = (
+        frequencies < below if begins is None else np.broadcast_to(frequencies[:1] < below, frequencies.shape)
+    )
+    some = np.flatnonzero(slow.any(axis=0)) if begins is None or begins.size else np.zeros(0, dtype=int)
+    scale = (largest * slow)[:, some]
     free = np.zeros((2, len(each), count, 2 * some.size))
     free[0][:, sprung, : some.size] = shapes[:, :, some] * scale[:, None]
     free[1][:, sprung, some.size :] = shapes[:, :, some] * (scale * frequencies[:, some])[:, None]
-    start = np.concatenate([start, free], axis=3)
+    start = np.concatenate([start, free], axis=3) if begins is None else start + free @ begins[:, None]
     implicit = newmark(mass[len(mass) // 2], held, step)
     masses, rates, places = ([getattr(one, name) for one in each] for name in ("mass", "rate", "place"))
     with np.errstate(over="ignore", invalid="ignore"):  # deflections that grow without bound

@@ -115,7 +115,7 @@ def _torques(
     """Torques in the rows of one recording, shape (K, n, V, 1 + S); unused free vibrations are zero."""
     parts = []
     for first in range(0, len(starts), TOGETHER):
-        rows = rows_of_yielding(effect, at, run, starts[first : first + TOGETHER], within)
+        rows = rows_of_yielding(effect, at, run, starts[first : first + TOGETHER], within=within)
         parts.append(rows.astype(np.float32))
     most = max(part.shape[3] for part in parts)
     wide = [np.pad(part, ((0, 0), (0, 0), (0, 0), (0, most - part.shape[3]))) for part in parts]

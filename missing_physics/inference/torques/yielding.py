@@ -59,19 +59,41 @@ def torques_of_yielding(term: Term, effect: StructureEffect, run: Run) -> Array:
 
 
 def _columns(term: Term, effect: StructureEffect, run: Run, steps: Values) -> Array:
-    trials: list[Values] = [term.parameters]
-    trials += [{**term.parameters, name: term.parameters[name] + step} for name, step in steps.items()]
-    found = np.zeros((*run.torque.shape, len(trials)))
-    acting = [k for k, p in enumerate(trials) if _is_present(effect, p)]
-    if acting:
-        rows = rows_of_yielding(effect, term.at, run, [trials[k] for k in acting])
-        found[:, :, acting] = _begun(run, run.rows.nuisance.removed(rows))
-    slopes = [(found[:, :, k + 1] - found[:, :, 0]) / step for k, step in enumerate(steps.values())]
-    return np.stack([found[:, :, 0], *slopes], axis=2)
+    """Columns with the vibration from the start that explains the residual best, whatever the parameters."""
+    p, at, found = term.parameters, term.at, np.zeros((*run.torque.shape, 1 + len(steps)))
+    size = np.sqrt(np.mean(run.residual**2, axis=0))
+    weight = 1.0 / np.maximum(size, max(LEAST * float(size.max()), np.finfo(float).eps))[:, None]
+    is_present, free, begins = _is_present(effect, p), found[:, :, :0], np.zeros(0)
+
+    def explaining(values: Array) -> Array:
+        """Amplitudes of the free vibrations that explain some series best, (K, n, C) to (S, C)."""
+        columns, aims = ((part * weight).reshape(weight.size * len(part), -1) for part in (free, values))
+        return np.linalg.solve(columns.T @ columns + np.eye(columns.shape[1]), columns.T @ aims)
+
+    if is_present:
+        rows = run.rows.nuisance.removed(rows_of_yielding(effect, at, run, [p]))[:, :, 0]
+        free = rows[:, :, 1:]
+        begins = explaining((run.residual - rows[:, :, 0])[:, :, None])[:, 0]
+        found[:, :, 0] = rows[:, :, 0] + free @ begins
+    trials = {k: {**p, name: p[name] + step} for k, (name, step) in enumerate(steps.items(), 1)}
+    trials = {k: one for k, one in trials.items() if _is_present(effect, one)}
+    if trials:
+        every = [p, *trials.values()] if is_present else list(trials.values())
+        rows = run.rows.nuisance.removed(rows_of_yielding(effect, at, run, every, begins=begins))[..., 0]
+        changes = rows[:, :, 1:] - rows[:, :, :1] if is_present else rows
+        found[:, :, list(trials)] = changes - free @ explaining(changes)
+    found[:, :, 1:] /= np.array(list(steps.values()))
+    return found
 
 
 def rows_of_yielding(
-    effect: StructureEffect, at: str, run: Run, trials: Sequence[Values], within: tuple[float, float] = ALL
+    effect: StructureEffect,
+    at: str,
+    run: Run,
+    trials: Sequence[Values],
+    *,
+    within: tuple[float, float] = ALL,
+    begins: Array | None = None,
 ) -> Array:
     """Torques in the rows of a recording for V values of an effect's parameters, shape (K, n, V, 1 + S).
 
@@ -83,11 +105,12 @@ def rows_of_yielding(
         effect, at, run: the effect, its place and the recording.
         trials: values of its parameters.
         within: times between which they are wanted [s]. Other rows are left out.
+        begins: amplitudes of free vibrations that are added to the forced one, see `moved_by`.
     """
     motion = run.motion
     each = [_dynamics_of(effect, at, run, p).within(*within) for p in trials]
     springs = [springs_of(effect, run.model.robot, at, p, each[0].reached) for p in trials]
-    time, full = each[0].time, moved_by(each, springs, 2.0 * np.pi * WIDER * motion.cutoff)
+    time, full = each[0].time, moved_by(each, springs, 2.0 * np.pi * WIDER * motion.cutoff, begins)
     impossible = FALLS * float(np.abs(run.torque).max())
     falls = ~(np.abs(full) < impossible).all(axis=(0, 1, 3))
     full[:, :, falls] = 0.0
@@ -141,20 +164,6 @@ def frequencies_of(effect: StructureEffect, at: str, run: Run, p: Values) -> Arr
     sprung = np.flatnonzero(np.diag(stiffness) > 0.0)
     block = np.ix_(sprung, sprung)
     return modes_of(dynamics.mass[0][block], stiffness[block])[1]
-
-
-def _begun(run: Run, rows: Array) -> Array:
-    """Torques with the vibration from the start that explains the residual best, shape (K, n, V)."""
-    left = run.residual
-    size = np.sqrt(np.mean(left**2, axis=0))
-    weight = 1.0 / np.maximum(size, max(LEAST * float(size.max()), np.finfo(float).eps))
-    found = rows[..., 0].copy()
-    for v in range(found.shape[2]):
-        free = (rows[:, :, v, 1:] * weight[:, None]).reshape(left.size, -1)
-        apart = ((left - found[:, :, v]) * weight).ravel()
-        begins = np.linalg.solve(free.T @ free + np.eye(free.shape[1]), free.T @ apart)
-        found[:, :, v] += rows[:, :, v, 1:] @ begins
-    return found
 
 
 def _is_present(effect: StructureEffect, p: Values) -> bool:
