@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 #: Step of a finite difference, as a fraction of the parameter's value or of a typical one: small compared
 #: with the scale on which columns change, even at a resonance, and far above rounding.
 STEP = 1e-3
-#: Most floating-point numbers that are cached for all recordings: 256 MB.
-MOST = 32_000_000
+#: Most floating-point numbers that are cached for all recordings: 96 MB.
+MOST = 12_000_000
 
 
 class _Sized(Protocol):

@@ -303,9 +303,10 @@ def try_candidate(
     if candidate.term.effect.adds_coordinates:
         hypothesis = _begun_nearby(state, candidate.term, hypothesis)
     try:
-        fit = _with_possible_delays(state, hypothesis, old, None if everywhere else candidate.term.joint)
-        if candidate.term.effect.adds_coordinates:  # they follow from the bodies, which the term changes
-            fit = state.settled(fit, whole=False)
+        with np.errstate(over="ignore", invalid="ignore"):  # such a fit has no finite error
+            fit = _with_possible_delays(state, hypothesis, old, None if everywhere else candidate.term.joint)
+            if candidate.term.effect.adds_coordinates:  # they follow from the bodies, which the term changes
+                fit = state.settled(fit, whole=False)
     except np.linalg.LinAlgError:
         return None
     for key, why in fit.impossible.items():
