@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, not_credible
 from missing_physics.inference.data import BLOCKS, HELD_OUT, Data
 from missing_physics.inference.problem import Problem
-from missing_physics.standard.fit import BARRIER, FILE, minimise, objective, residual_rms
+from missing_physics.standard.fit import FILE, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import AGREED, HALVINGS
 
@@ -261,7 +261,7 @@ def _cross_validated(problem: Problem, hypothesis: Hypothesis, x: Array, width: 
         without_fold[moving] += length * np.linalg.solve(matrix, length * slope)
         by_fold[f] = without_fold
     errors = problem.errors(by_fold)
-    deviations = _deviation(problem, x, hessian, sigma)
+    deviations = _deviation(problem, x, sigma, width)
     moved = replace(hypothesis, terms=_updated(hypothesis.terms, x[data.start.size :]))
     cut_rows = data.cut(moved.terms)
     return Fit(
@@ -364,7 +364,7 @@ def _impossible(
             yield term.key, why
 
 
-def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Array:
+def _deviation(problem: Problem, x: Array, sigma: Array, width: float) -> Array:
     """Standard deviations by the sandwich estimator, at least those for independent errors, shape (Y,).
 
     The sandwich of the blocks' scores and the prior is valid for any correlation of errors within a block,
@@ -374,10 +374,9 @@ def _deviation(problem: Problem, x: Array, hessian: Array, sigma: Array) -> Arra
     is no information: an estimate of zero is as uncertain as any other.
     """
     weight = 1.0 / sigma**2
-    free = problem.layout.free
-    barrier, positive = np.zeros_like(x), problem.layout.positive
-    barrier[positive] = BARRIER / x[positive] ** 2
-    hessian = hessian - np.diag((problem.proximal + barrier)[free])
+    free, anywhere = problem.layout.free, replace(problem.layout, positive=np.zeros(0, dtype=int))
+    hessian = objective(anywhere, problem.total, sigma, width, x)[2][np.ix_(free, free)]
+    hessian -= np.diag(problem.proximal[free])
     size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
     scaled = np.outer(size, size)
     scores = problem.scores(x, weight)[:, free] * size

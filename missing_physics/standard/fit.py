@@ -27,7 +27,6 @@ from missing_physics.standard.rows import MODEL_ERROR, Rows, Weights
 from reference_model.evaluation.model import RobotModel
 
 __all__ = [
-    "BARRIER",
     "BLOCKS",
     "FILE",
     "FOLDS",
