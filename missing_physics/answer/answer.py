@@ -144,7 +144,7 @@ def answered(
 def _weighed(
     found: Search[TorqueData], near_reversals: Callable[[], TorqueData], progress: Progress
 ) -> Posterior:
-    """The posterior, with laws of dry friction compared near reversals, too.
+    """The posterior, with dry friction laws compared near reversals, too.
 
     Args:
         found: the search.

@@ -1,4 +1,4 @@
-"""Laws of dry friction compared on rows that include quick reversals.
+"""Dry friction laws compared on rows that include quick reversals.
 
 Laws such as Stribeck's and LuGre's differ from Coulomb's at slow speeds, next to reversals, where the rows of
 a search have little weight. On rows in which only the unknown part of the friction at reversals is removed
@@ -26,9 +26,10 @@ __all__ = ["searched_at_reversals"]
 
 #: Least probability of a hypothesis that is fitted anew [-]: probabilities are stated to a hundredth.
 LIKELY = 1e-2
-#: Laws whose score is this much below the best one are not added to the search [nats]: a quarter of that.
+#: Laws whose score is this much below the best one are not added to the search [nats]: odds of a quarter of
+#: `LIKELY`, as the rows of the search may favour them. Both only limit the work.
 FAR = 6.0
-#: Place at which no term is: nonlinear parameters keep the estimates of the rows that determine them better.
+#: Name of no place, so that no nonlinear parameter is fitted anew: the other rows determine them better.
 NOWHERE = ""
 
 
@@ -53,7 +54,7 @@ def searched_at_reversals(
     """
     if not _dry(found.data, known.answer):
         return None
-    progress("comparing laws of friction near reversals")
+    progress("comparing friction laws near reversals")
     state = _begun(rows(), found, known.answer)
     best = _with_best_laws(state, state.best)
     for fit in [fit for fit in state.fits if state.score(fit) > state.score(best) - FAR]:
