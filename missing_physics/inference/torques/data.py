@@ -266,7 +266,7 @@ class TorqueData(Data):
         fitted = self.runs[: self.fitted]
         touched = at_links(self.robot, hypothesis, fitted, residual, sigma)
         if not self.scans:
-            self.scans.append(scans_of(self.robot, fitted))
+            self.scans.append(scans_of(self.robot, fitted, seen))
         yields = scanned(self.robot, self.scans[0], hypothesis, self.designs[: self.fitted], residual, sigma)
         return [*candidates(self.robot, hypothesis, where, channels, self.given), *touched, *yields]
 

@@ -63,15 +63,21 @@ class Scan:
     torques: tuple[NDArray[np.float32], ...]
 
 
-def scans_of(robot: Robot, runs: Sequence[Run]) -> tuple[Scan, ...]:
-    """Scans of all effects that add coordinates to a robot of rigid links, at the base and at every link."""
+def scans_of(robot: Robot, runs: Sequence[Run], fitted: Sequence[NDArray[np.bool_]]) -> tuple[Scan, ...]:
+    """Scans of all effects that add coordinates to a robot of rigid links, at the base and at every link.
+
+    Args:
+        robot: nominal.
+        runs: the fitted recordings.
+        fitted: mask of the rows of each one that are fitted, shape (K,).
+    """
     if not knows_links(robot) or robot.spherical_joints:
         return ()
-    return tuple(_scans(robot, runs))
+    return tuple(_scans(robot, runs, fitted))
 
 
-def _scans(robot: Robot, runs: Sequence[Run]) -> Iterator[Scan]:
-    stretches = [stretch_of(run, INSTANTS // len(runs)) for run in runs]
+def _scans(robot: Robot, runs: Sequence[Run], fitted: Sequence[NDArray[np.bool_]]) -> Iterator[Scan]:
+    stretches = [stretch_of(run, INSTANTS // len(runs), own) for run, own in zip(runs, fitted)]
     rows = tuple(rows_within(run, *within) for run, within in zip(runs, stretches))
     joints = np.flatnonzero(np.any([run.rows.counted.any(axis=0) for run in runs], axis=0))
     for effect in catalogue().values():

@@ -123,12 +123,19 @@ def rows_of_yielding(
     return found * run.rows.counted[some, :, None, None]
 
 
-def stretch_of(run: Run, instants: int) -> tuple[float, float]:
-    """The times between which the standard model errs most, in a stretch of so many instants [s]."""
+def stretch_of(run: Run, instants: int, fitted: NDArray[np.bool_]) -> tuple[float, float]:
+    """The times between which the standard model errs most, in a stretch of so many instants [s].
+
+    Args:
+        run: the recording.
+        instants: of the integration.
+        fitted: mask of the rows that are fitted, shape (K,): held-out ones have no say.
+    """
     moving, time, left = _moving(run), run.rows.time, run.residual
     length = instants * moving.stride / moving.rate
     if time[-1] - time[0] <= length:
         return ALL
+    left = np.where(fitted[:, None], left, 0.0)
     energy = (left**2 / np.maximum(np.mean(left**2, axis=0), np.finfo(float).tiny)).sum(axis=1)
     total = np.concatenate([[0.0], np.cumsum(energy)])
     ends = np.searchsorted(time, time + length)

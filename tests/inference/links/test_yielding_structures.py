@@ -151,9 +151,12 @@ def test_structures_are_sought_where_the_standard_model_errs_most() -> None:
     joined = {name: np.concatenate([first[name], own]) for name, own in real.channels.items()}
     later = Recording(time, joined, "at rest, then moving")
     run = TorqueData.of(fit_standard(arm(), [later]), [later]).runs[0]
-    begin, end = stretch_of(run, 200)
+    rows = run.rows.time
+    begin, end = stretch_of(run, 200, np.ones(rows.size, dtype=bool))
     assert begin > rest[-1]
     assert end <= time[-1]
+    first, last = stretch_of(run, 200, (rows < begin) | (rows > end))
+    assert first >= end or last <= begin  # rows that are held out do not decide
 
 
 def test_phase_of_a_vibration_has_an_error_of_fourth_order() -> None:
