@@ -6,15 +6,14 @@ python -m benchmarks.yardstick.likelihood [--machines NAME...] [--fits 400] [--p
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
 
 from benchmarks.evidence import EVIDENCE, command_line
 from benchmarks.yardstick.likelihood.fits import drifting_fit_of, fit_of
 from benchmarks.yardstick.likelihood.page import page
+from benchmarks.yardstick.likelihood.processes import each
 from benchmarks.yardstick.likelihood.recorded import measured
 from benchmarks.yardstick.machines import machine, rows
 from missing_physics.recordings.datasets import find_dataset
@@ -24,9 +23,6 @@ __all__ = ["main"]
 
 COMMAND = "python -m benchmarks.yardstick.likelihood"
 PAGE = EVIDENCE / "likelihood.md"
-
-Key = TypeVar("Key")
-Found = TypeVar("Found")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -45,22 +41,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     else:
         names = [machine(name).name for name in given.machines]
     made = (
-        _each(measured, names, given.processes),
-        _each(fit_of, range(given.fits), given.processes),
-        _each(drifting_fit_of, range(given.fits // 2), given.processes),
+        each(measured, names, given.processes),
+        each(fit_of, range(given.fits), given.processes),
+        each(drifting_fit_of, range(given.fits // 2), given.processes),
     )
     write_atomically(given.out, page(command_line(parser, given, ["fits"]), *made))
-
-
-def _each(function: Callable[[Key], Found], keys: Sequence[Key], processes: int) -> list[Found]:
-    """Results for all keys, in their order, with progress on stderr."""
-    found = []
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        for result in pool.imap(function, keys):
-            found.append(result)
-            print(f"\r{function.__name__} {len(found)} of {len(keys)}", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
-    return found
 
 
 if __name__ == "__main__":

@@ -35,7 +35,16 @@ from missing_physics.standard.bending import model_of
 from missing_physics.standard.rows import FRICTION, common_band, rows_of, without_friction
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["Friction", "JointMeasures", "MachineMeasures", "fitted_octaves", "measured", "torque_data"]
+__all__ = [
+    "Friction",
+    "JointMeasures",
+    "MachineMeasures",
+    "compared_recordings",
+    "fitted_octaves",
+    "measured",
+    "rms",
+    "torque_data",
+]
 
 Array = NDArray[np.float64]
 
@@ -135,7 +144,9 @@ def measured(name: str) -> MachineMeasures:
     try:
         loaded = load(machine(name))
         began = time.process_time()
-        first = _data(loaded.robot, loaded.fit, loaded.held_out)
+        nominal, used = compared_recordings(loaded.robot, [*loaded.fit, *loaded.held_out])
+        count = len(loaded.fit)
+        first = torque_data(nominal, used[:count], used[count:])
         state = standard_search(first)
     except (InputError, np.linalg.LinAlgError) as error:
         return MachineMeasures(name, (), np.nan, str(error), time.process_time() - began)
@@ -169,13 +180,12 @@ def measured(name: str) -> MachineMeasures:
     return MachineMeasures(name, tuple(found), data.independent, "", time.process_time() - began)
 
 
-def _data(robot: Robot, fit: Sequence[Recording], held_out: Sequence[Recording]) -> TorqueData:
-    """The rows that a diagnosis compares, without corrections for gears and the base."""
-    timed = [on_even_clock(one)[0] for one in (*fit, *held_out)]
+def compared_recordings(robot: Robot, recordings: Sequence[Recording]) -> tuple[Robot, list[Recording]]:
+    """Robot and recordings that a diagnosis compares, without corrections for gears and the base."""
+    timed = [on_even_clock(one)[0] for one in recordings]
     given = tuple(on_both_sides(robot, one) for one in timed)
     nominal = stripped(robot, given)
-    used = prepared(nominal, [without_sensor_errors(robot, one) for one in given]).recordings
-    return torque_data(nominal, used[: len(fit)], used[len(fit) :])
+    return nominal, list(prepared(nominal, [without_sensor_errors(robot, one) for one in given]).recordings)
 
 
 def torque_data(robot: Robot, fit: Sequence[Recording], held_out: Sequence[Recording]) -> TorqueData:
@@ -219,8 +229,8 @@ def _compared(data: TorqueData, shares: Array) -> Mapping[str, tuple[tuple[Frict
     bodies = count - len(data.joints) * len(FRICTION)
     rest = torque - design[:, :, :bodies] @ own.values[:bodies]
     friction = least_squares(design[:, :, bodies:], rest, counted, shares, size[bodies:])
-    apart = _rms(design @ (own.values - plain.values), counted) / own.sigma
-    ahead = _rms(torque - design @ plain.values, held) / _rms(torque - design @ own.values, held)
+    apart = rms(design @ (own.values - plain.values), counted) / own.sigma
+    ahead = rms(torque - design @ plain.values, held) / rms(torque - design @ own.values, held)
     found = {}
     for k, joint in enumerate(data.joints):
         if not driven[k]:
@@ -243,7 +253,7 @@ def _fitted_rows(data: TorqueData, run: int) -> NDArray[np.bool_]:
     return data.fitted_rows(run) if run < data.fitted else np.zeros(data.time(run).size, dtype=bool)
 
 
-def _rms(values: Array, where: NDArray[np.bool_]) -> Array:
+def rms(values: Array, where: NDArray[np.bool_]) -> Array:
     """rms of each column where a mask is set; NaN if it is not set anywhere, shape (n,)."""
     count = where.sum(axis=0)
     total = np.where(where, values**2, 0.0).sum(axis=0)
