@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,14 +10,15 @@ import numpy as np
 
 from missing_physics.answer.augmented import augmented
 from missing_physics.answer.experiments import separating
-from missing_physics.answer.findings import answer_of, is_large, of_bodies
-from missing_physics.answer.guard import guarded, worse
+from missing_physics.answer.findings import Answer, answer_of, is_large, of_bodies
+from missing_physics.answer.guard import Guarded, guarded, worse
 from missing_physics.answer.load import carried
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, series_of, without_delay
 from missing_physics.answer.unnamed import unnamed
 from missing_physics.evaluation import evaluate
 from missing_physics.hypotheses import TIMING
+from missing_physics.inference import Fit as Fitted
 from missing_physics.inference import search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
@@ -87,10 +88,11 @@ def answered(
     data = found.data
     near = replace(standard, weights=replace(standard.weights, reversals=True))
     known = _weighed(found, lambda: TorqueData.of(near, recordings, validation, extra), progress)
-    safe = guarded(data, known.answer, found.standard)
+    safe = guarded(data, known.answer, found.standard, _without_unnamed_forces(found, known.answer))
     load = carried(found, known.answer, safe.fit)
     safe = (load.safe if load else None) or safe
-    answer = answer_of(data, known, safe.fit, of_bodies(data, load.fit, load.loads) if load else ())
+    bodies = of_bodies(data, load.fit, load.loads) if load else ()
+    answer = answer_of(data, known, safe.fit, bodies, found.standard)
     delay = 0.0 if is_large(data, safe.file) else safe.file.parameter(TIMING)
     every = tuple(without_delay(robot, r, delay) for r in (*recordings, *validation))
     rows = compared_rows(data)
@@ -106,7 +108,7 @@ def answered(
     file = robot
     credible = all(is_credible_number(c.name, c.estimate, c.nominal, robot) for c in answer.changes)
     if answer.findings or (beyond and credible):  # changed parameters of the file may explain it
-        file = augmented(data, safe.file, answer.named)
+        file = augmented(data, safe.file, _further(answer, safe))
     verdict: Verdict = "unexplained"
     if not answer.findings and not beyond:
         verdict = "consistent"
@@ -125,7 +127,7 @@ def answered(
         unnamed=tuple(unnamed(data, answer.fit)),
         could_not_tell=(*dismissed(found, answer.findings), *_not_searched(robot, searched)),
         nominal_parameters=answer.changes,
-        notes=tuple(_notes(data, bool(validation))),
+        notes=(*_notes(data, bool(validation)), *_represented(answer, safe)),
         timing=answer.timing,
     )
     return (
@@ -158,6 +160,21 @@ def _weighed(
         return known
     anew = weighed(found, friction)
     return known if worse(found.data, anew.answer, known.answer) else anew
+
+
+def _without_unnamed_forces(found: Search[Any], answer: Fitted) -> Fitted | None:
+    """The best fit that a robot file can represent, if the answer has unnamed forces."""
+    if not any(term.effect.is_unknown for term in answer.hypothesis.terms):
+        return None
+    plain = (fit for fit in found.fits if not any(t.effect.is_unknown for t in fit.hypothesis.terms))
+    return next(plain, None)
+
+
+def _further(answer: Answer, safe: Guarded) -> Mapping[tuple[str, str], Mapping[str, float]]:
+    """Effects of the robot file that are parameters of the answer, unless the file's own fit has them."""
+    if safe.fit is safe.file:
+        return answer.named
+    return {key: values for key, values in answer.named.items() if not get_effect(key[0]).standard}
 
 
 def _windows(
@@ -219,6 +236,17 @@ def _notes(data: TorqueData, validated: bool) -> list[str]:
     if not validated:
         notes.append("A quarter of each recording was held out, in two stretches.")
     return notes
+
+
+def _represented(answer: Answer, safe: Guarded) -> list[str]:
+    """A sentence on the effects that the robot file has because it cannot hold forces without a name."""
+    if not any(term.effect.is_unknown for term in answer.fit.hypothesis.terms):
+        return []
+    own = {(f.effect, f.location) for f in answer.findings}
+    terms = [t for t in safe.file.hypothesis.terms if t.key not in own and not t.is_given]
+    names = ", ".join(f"{t.effect.title.lower()} at {t.at}" for t in terms)
+    words = "A robot file cannot hold a force without a name"
+    return [f"{words}; the written one approximates it by {names}." if names else f"{words}."]
 
 
 def rung(found: Search[Any], step: Step) -> Rung:

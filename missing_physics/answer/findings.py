@@ -66,7 +66,13 @@ class Answer:
     named: dict[tuple[str, str], dict[str, float]]
 
 
-def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Weighty] = ()) -> Answer:
+def answer_of(
+    data: TorqueData,
+    known: Posterior,
+    fit: Fit,
+    bodies: Sequence[Weighty] = (),
+    standard: Fit | None = None,
+) -> Answer:
     """The answer from the weighed hypotheses.
 
     Args:
@@ -74,6 +80,7 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
         known: the hypotheses.
         fit: the reported fit.
         bodies: findings about bodies (`of_bodies`).
+        standard: the fit of the standard model.
     """
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
@@ -98,8 +105,8 @@ def answer_of(data: TorqueData, known: Posterior, fit: Fit, bodies: Sequence[Wei
         found.append(finding)
         weight[finding.effect, finding.location] = energy
     found.sort(key=lambda f: -weight[f.effect, f.location])
-    adequate = adequacies(data, fit)
-    found = [replace(f, probability=adequate(f.location) * min(f.probability, 1.0)) for f in found]
+    adequate = adequacies(data, fit, standard)
+    found = [replace(f, probability=adequate(f.effect, f.location) * min(f.probability, 1.0)) for f in found]
     found = [_with_twins(data, finding) for finding in found]
     changes = (*_changes(data, fit), *_changes_of_laws(data, fit, found))
     return Answer(fit, tuple(found), changes, timing, named)
@@ -334,6 +341,8 @@ def _of_parameters(data: TorqueData, known: Posterior, fit: Fit) -> Iterator[Fin
     for joint, kind in _added(data, fit):
         effect, parameter, sign = EFFECTS[kind]
         name = f"{joint}.{kind}"
+        if name in fit.hypothesis.of_unnamed:
+            continue
         probability = known.freed(name)
         rivals = _replacements(data, known, fit, joint, partial(_is_free, name=name))
         if probability <= STATED and (probability < RIVAL or not rivals):

@@ -35,23 +35,25 @@ class Guarded:
 
     Attributes:
         fit: the answer.
-        file: the answer without unnamed forces.
+        file: the answer, or if that has unnamed forces the best one without.
     """
 
     fit: Fit
     file: Fit
 
 
-def guarded(data: TorqueData, fit: Fit, standard: Fit) -> Guarded:
+def guarded(data: TorqueData, fit: Fit, standard: Fit, named: Fit | None = None) -> Guarded:
     """The answer, replaced by the standard model or the robot file at joints that these predict better.
 
     Args:
         data: the rows.
         fit: the most probable hypothesis.
         standard: the fit of the standard model.
+        named: the most probable hypothesis without unnamed forces, if the first one has any.
     """
-    hypothesis = fit.hypothesis
-    file = _file(data, hypothesis, fit)
+    start = fit if named is None else named
+    hypothesis = start.hypothesis
+    file = _file(data, hypothesis, start)
     for bodies in (False, True):
         joints = worse(data, file, standard)
         if not joints:
@@ -62,9 +64,20 @@ def guarded(data: TorqueData, fit: Fit, standard: Fit) -> Guarded:
         hypothesis = _with_bodies_of(data, hypothesis, standard)
         file = _file(data, hypothesis, file)
     hypothesis, file = _no_worse_than_file(data, hypothesis, file)
-    if hypothesis is fit.hypothesis:
+    if hypothesis is fit.hypothesis or (named is not None and not worse(data, fit, standard)):
         return Guarded(fit, file)
-    return Guarded(_possible(data, hypothesis, fit), file)
+    return Guarded(_with_unnamed_forces(data, hypothesis, fit), file)
+
+
+def _with_unnamed_forces(data: TorqueData, hypothesis: Hypothesis, fit: Fit) -> Fit:
+    """The fit of a hypothesis, with the unnamed forces of another one unless it predicts better without."""
+    plain = _possible(data, hypothesis, fit)
+    present = {term.key for term in hypothesis.terms}
+    lost = [term for term in fit.hypothesis.terms if term.effect.is_unknown and term.key not in present]
+    if not lost:
+        return plain
+    more = _possible(data, replace(hypothesis, terms=(*hypothesis.terms, *lost)), fit)
+    return plain if worse(data, more, plain) else more
 
 
 def _with_bodies_of(data: TorqueData, hypothesis: Hypothesis, standard: Fit) -> Hypothesis:

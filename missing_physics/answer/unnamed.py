@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from missing_physics.hypotheses import Term, UnknownForce
+from missing_physics.hypotheses import Term
 from missing_physics.inference import Fit
 from missing_physics.inference.fit import fitted
 from missing_physics.inference.torques.data import TorqueData
 from missing_physics.results.result import Curve, Unnamed, in_words
+from missing_physics.unnamed import UnknownForce
 
 __all__ = ["unnamed"]
+
+Array = NDArray[np.float64]
 
 #: Quantile of the 95 % interval.
 QUANTILE = 1.96
@@ -33,14 +37,17 @@ def _unnamed(
     joint = next(j for j in data.standard.nominal.drives if j.name == term.at)
     unit = "N" if joint.kind == "prismatic" else "N m"
     variable = f"{term.at}.{effect.variable}" if effect.of_joint else effect.variable
-    knots, shape = effect.knots(term.parameters), effect.shape()
-    sizes = np.array([term.parameters[p.name] for p in effect.estimated])
-    spread = np.array([fit.deviation(f"{effect.id}@{term.at}.{p.name}") for p in effect.estimated])
-    values = -shape @ sizes  # the actuator balances the force
-    half = QUANTILE * np.abs(shape) @ spread  # upper bound: all errors fully correlated
-    pairs = tuple((float(v - h), float(v + h)) for v, h in zip(values, half))
-    curve = Curve(effect.carrier, tuple(map(float, values)), pairs)
-    times = " times the direction of motion" if effect.carrier else ""
+    values, own = term.parameters, [p.name for p in effect.estimated]
+    names = [*(f"{effect.id}@{term.at}.{name}" for name in own), *(f"{term.at}.{n}" for n in effect.within)]
+    knots = effect.knots(values)
+    shape = np.hstack([effect.shape(values), effect.shape_within(values)])
+    sizes = np.array(
+        [*(values[name] for name in own), *(_beyond_file(data, fit, n) for n in names[len(own) :])]
+    )
+    torque = -shape @ sizes  # the actuator balances the force
+    half = QUANTILE * np.sqrt(np.einsum("kp,pq,kq->k", shape, _covariance(fit, names), shape))
+    pairs = tuple((float(v - h), float(v + h)) for v, h in zip(torque, half))
+    curve = Curve(effect.carrier, tuple(map(float, torque)), pairs)
     removed = f"{share:.0%}" if share >= 0.005 else "less than 1%"
     return Unnamed(
         location=term.at,
@@ -53,10 +60,29 @@ def _unnamed(
         curves=(curve,),
         words=(
             f"{term.at}.torque: after the named effects, {left:.3g} {unit} rms remain in data that were not "
-            f"fitted; a curve over {in_words(variable)}{times} predicts {removed} of their energy, more "
-            "than any effect of the catalogue does."
+            f"fitted; {effect.phrase(in_words(variable))} predicts {removed} of their energy, more than any "
+            "effect of the catalogue does."
         ),
     )
+
+
+def _beyond_file(data: TorqueData, fit: Fit, name: str) -> float:
+    """A parameter of the standard model minus its value in the robot file."""
+    return fit.parameter(name) - float(data.file_values[fit.layout.names.index(name)])
+
+
+def _covariance(fit: Fit, names: Sequence[str]) -> Array:
+    """Covariance of parameters: their deviations, with the correlations of the objective, shape (P, P)."""
+    places = [fit.layout.names.index(name) for name in names]
+    free = fit.layout.free[places]
+    at = (np.cumsum(fit.layout.free) - 1)[places][free]
+    size = 1.0 / np.sqrt(np.maximum(np.diag(fit.hessian), np.finfo(float).tiny))
+    inverse = np.linalg.pinv(fit.hessian * np.outer(size, size), hermitian=True)[np.ix_(at, at)]
+    scale = np.zeros(len(names))
+    scale[free] = fit.deviations[places][free] / np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+    found = np.zeros((len(names), len(names)))
+    found[np.ix_(free, free)] = inverse
+    return np.asarray(found * np.outer(scale, scale))
 
 
 def _share(data: TorqueData, fit: Fit, term: Term) -> tuple[float, float]:

@@ -5,7 +5,6 @@ from missing_physics.hypotheses.credible import not_credible, prior_of
 from missing_physics.hypotheses.extents import Sight, extent_of
 from missing_physics.hypotheses.hypothesis import BODIES, TIMING, Hypothesis
 from missing_physics.hypotheses.term import Term
-from missing_physics.hypotheses.unknown import UnknownForce
 
 __all__ = [
     "BODIES",
@@ -15,7 +14,6 @@ __all__ = [
     "Place",
     "Sight",
     "Term",
-    "UnknownForce",
     "candidates",
     "extent_of",
     "not_credible",

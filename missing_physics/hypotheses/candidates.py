@@ -11,7 +11,7 @@ import numpy as np
 from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import BODIES, TIMING, Hypothesis
 from missing_physics.hypotheses.term import Term, offsets_of
-from missing_physics.hypotheses.unknown import UNKNOWN
+from missing_physics.unnamed import CURVES, MEMORIES, driven_by
 from reference_model.effects.base import (
     BodyEffect,
     Effect,
@@ -104,7 +104,7 @@ def candidates(
     for one in given:
         if one.term.at in places:
             yield from _in_rows(one, terms) if one.term.in_rows else _of_file(one, terms)
-    for effect in (*catalogue().values(), *UNKNOWN):
+    for effect in (*catalogue().values(), *CURVES, *MEMORIES):
         if not effect.is_searched or not effect.estimated:
             continue
         if effect.standard and effect.is_friction_law:
@@ -143,6 +143,17 @@ def candidates(
             elif _is_behind_only_encoder(effect, joint, channels) and (effect.id, joint) not in present:
                 for start in effect.starts(place.extents[0]):
                     yield Candidate(Term.of(effect, joint, _initial(effect, start, place.extents[0])))
+    yield from _between_joints(places, terms)
+
+
+def _between_joints(places: Mapping[str, Place], terms: Sequence[Term]) -> Iterator[Candidate]:
+    """Forces without a name on one joint that depend on the velocity of another one."""
+    for joint, place in places.items():
+        for other, theirs in places.items():
+            coupled = place.coupled or theirs.coupled
+            if other != joint and not coupled and theirs.extents[0].speed > 0.0:
+                for effect in driven_by(other):
+                    yield from _at_joint(effect, joint, replace(place, extents=theirs.extents), terms)
 
 
 def _of_file(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:

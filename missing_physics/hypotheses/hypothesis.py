@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from missing_physics.hypotheses.term import Term, offsets_of
+from missing_physics.unnamed import UnknownForce
 
 __all__ = ["BODIES", "TIMING", "Hypothesis"]
 
@@ -46,6 +47,16 @@ class Hypothesis:
     def freed(self) -> tuple[tuple[Term, str], ...]:
         """Terms of the robot file, each with the name of a parameter that may differ from the file."""
         return tuple((term, name) for term in self.terms for name in sorted(term.freed))
+
+    @property
+    def of_unnamed(self) -> frozenset[str]:
+        """Parameters of the standard model that belong to a force without a name."""
+        return frozenset(
+            f"{term.at}.{name}"
+            for term in self.terms
+            if isinstance(term.effect, UnknownForce)
+            for name in term.effect.within
+        )
 
     def less(self, term: Term) -> Hypothesis:
         """The hypothesis without a term; a term of the robot file gets the file's values again."""

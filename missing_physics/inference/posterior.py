@@ -69,7 +69,8 @@ class Posterior:
 
 
 def _frees(fit: Fit, name: str) -> bool:
-    return name not in fit.hypothesis.from_file and bool(fit.layout.free[fit.layout.names.index(name)])
+    fixed = fit.hypothesis.from_file | fit.hypothesis.of_unnamed
+    return name not in fixed and bool(fit.layout.free[fit.layout.names.index(name)])
 
 
 def _of_each_statement(found: Search[Any]) -> tuple[Fit, ...]:

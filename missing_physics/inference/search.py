@@ -65,7 +65,8 @@ def search(data: D, progress: Progress | None = None) -> Search[D]:
         carried = [rival]  # it may need other effects beside it
     best = _with_unnamed_forces(state, _with_freed_parameters(state, rival), progress)
     if data.laws:  # effects may have compensated for a fixed law before the unnamed force was added
-        best = _pruned(state, _with_file_laws(state, best))
+        best = _with_file_laws(state, best)
+    best = _pruned(state, best)
     _with_freed_parameters(state, best)
     best = _all_complete(state)
     data = state.about(best)
@@ -455,12 +456,29 @@ def _with_unnamed_forces(state: Search[Any], best: Fit, progress: Progress | Non
     """The best fit after trying unnamed forces in addition to the effects, and instead of each of them."""
     if progress:
         progress("searching for forces without a name")
-    for start in [best, *(_without(state, best, term) for term in _changed_terms(best))]:
+    starts = [best, *(_without(state, best, term) for term in _changed_terms(best))]
+    starts += [_without_all(state, best, own) for own in _at_each_joint(best) if len(own) > 1]
+    for start in starts:
         for option in _screened(state, start, named=False)[:RIVALS]:
             hypothesis = option.candidate.added_to(start.hypothesis)
             if option.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                 try_candidate(state, option.candidate, hypothesis, start)
     return state.best
+
+
+def _at_each_joint(fit: Fit) -> list[list[Term]]:
+    """Terms that differ from the robot file, by their joint."""
+    found: dict[str, list[Term]] = {}
+    for term in _changed_terms(fit):
+        found.setdefault(term.joint, []).append(term)
+    return list(found.values())
+
+
+def _without_all(state: Search[Any], best: Fit, terms: Sequence[Term]) -> Fit:
+    """The fit without several terms."""
+    for term in terms:
+        best = _without(state, best, next(own for own in best.hypothesis.terms if own.key == term.key))
+    return best
 
 
 def _simplified(state: Search[Any], best: Fit) -> Fit:

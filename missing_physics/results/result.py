@@ -325,7 +325,8 @@ def narrowed(ci95: tuple[float, float], prior95: tuple[float, float]) -> bool:
 def in_words(name: str) -> str:
     """``joint1's velocity`` of ``joint1.velocity``, ``time`` of ``time``: what `Unnamed.depends_on` has."""
     place, _, quantity = name.rpartition(".")
-    return f"{place}'s {quantity}" if place else quantity
+    words = quantity.replace("_", " ")
+    return f"{place}'s {words}" if place else words
 
 
 def _plain(value: Any) -> Any:

@@ -1,9 +1,8 @@
-"""Unnamed forces, for physics that is not in the catalogue: a free curve over a variable of the joint.
+"""Forces that are a curve over one variable of the joint.
 
 The curve is a Chebyshev series between a lowest and a highest value. So rarely visited parts follow from the
-rest of the curve, and a smooth curve takes few parameters. Its mean over the range is zero: offsets and
-friction are parameters of the standard model and estimated with it. If such a force predicts better than
-every known effect, there is physics that the catalogue cannot name.
+rest of the curve, and a smooth curve takes few parameters. Beyond these values it goes on with its slope. Its
+mean over the range is zero: offsets and friction are parameters of the standard model and estimated with it.
 """
 
 from __future__ import annotations
@@ -15,76 +14,65 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.effects.base import Extent, JointEffect, JointSignals, Parameter, Values
+from missing_physics.unnamed.force import KNOTS, UnknownForce, fixed, parameters
+from reference_model.effects.base import Extent, JointSignals, Parameter, Values
 
-__all__ = ["UNKNOWN", "UnknownForce"]
+__all__ = ["CURVES", "Curve"]
 
 #: Degree of a curve over the whole range, and over the speeds of one direction: a recording of a few travels
 #: resolves about a tenth of the range. Over time it is low: heat and wear change slowly, events have a start.
 OVER_POSITION, OVER_SPEED, OVER_TIME = 9, 6, 4
-#: Knots at which a curve is reported, over the range and over the speeds of one direction.
-KNOTS, KNOTS_OF_SPEED = 21, 11
+#: Knots at which a curve over the speeds of one direction is reported.
+KNOTS_OF_SPEED = 11
 
 
-class UnknownForce(JointEffect):
-    """A force that is a curve over one variable, optionally times the direction of motion."""
+class Curve(UnknownForce):
+    """A curve over one variable, optionally times the direction of motion."""
 
-    place = "joint"
     equation = "sum_i c_i (T_i(y) - mean of T_i), y = 2 (x - low) / (high - low) - 1, i from 1 on"
-    source = "Chebyshev series"
-    signature = "a residual that is a function of one variable"
-    experiment = "repeat the motion at other speeds and over other ranges"
-    is_unknown = True
-    #: Name of the variable, as in a recording.
-    variable: str
-    #: Whether the variable belongs to the joint.
-    of_joint = True
-    #: Factor of the curve.
-    carrier = ""
     along: ClassVar[tuple[str, ...]] = ("offset",)
+    within: ClassVar[tuple[str, ...]] = ("offset",)
 
     def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Knots at which the curve is reported, for these parameters, shape (K,)."""
+        """Knots over the range."""
         return np.linspace(values["low"], values["high"], KNOTS)
 
-    def shape(self) -> NDArray[np.float64]:
-        """Derivatives of the curve at the knots by each estimated parameter, shape (K, P)."""
-        return _chebyshev(KNOTS, len(self.estimated))
+    def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Derivatives at the knots."""
+        return self._chebyshev(KNOTS, len(self.estimated))
+
+    def phrase(self, variable: str) -> str:
+        """A curve over the variable."""
+        return f"a curve over {variable}{' times the direction of motion' if self.carrier else ''}"
 
     def _curve(self, x: ca.SX, p: Values, names: Sequence[str]) -> ca.SX:
         """Value of the curve at x."""
-        place = ca.fmin(ca.fmax((x - p["low"]) / (p["high"] - p["low"]), 0.0), 1.0)
-        y, total = 2.0 * place - 1.0, ca.SX(0.0)
-        before, now = ca.SX(1.0), y
+        place = 2.0 * (x - p["low"]) / (p["high"] - p["low"]) - 1.0
+        y, total = ca.fmin(ca.fmax(place, -1.0), 1.0), ca.SX(0.0)
+        beyond = place - y
+        before, now, slope_before, slope = ca.SX(1.0), y, ca.SX(0.0), ca.SX(1.0)
         for degree, name in enumerate(names, start=1):
-            total += p[name] * (now - _mean(degree))
+            total += p[name] * (now + slope * beyond - self._level(degree))
+            slope_before, slope = slope, 2.0 * (now + y * slope) - slope_before
             before, now = now, 2.0 * y * now - before
         return total
 
+    def _level(self, degree: int) -> float:
+        """What is subtracted from T_degree: its mean between -1 and 1."""
+        return 0.0 if degree % 2 else 1.0 / (1.0 - degree**2)
 
-def _chebyshev(knots: int, degree: int) -> NDArray[np.float64]:
-    """T_1 to T_degree minus their means at `knots` points over the range, shape (K, P)."""
-    values = np.polynomial.chebyshev.chebvander(np.linspace(-1.0, 1.0, knots), degree)[:, 1:]
-    return np.asarray(values - [_mean(1 + i) for i in range(degree)])
-
-
-def _mean(degree: int) -> float:
-    """Mean of T_degree between -1 and 1."""
-    return 0.0 if degree % 2 else 1.0 / (1.0 - degree**2)
+    def _chebyshev(self, knots: int, degree: int) -> NDArray[np.float64]:
+        """T_1 to T_degree minus their levels at `knots` points over the range, shape (K, P)."""
+        values = np.polynomial.chebyshev.chebvander(np.linspace(-1.0, 1.0, knots), degree)[:, 1:]
+        return np.asarray(values - [self._level(1 + i) for i in range(degree)])
 
 
-def _parameters(count: int, variable: str) -> tuple[Parameter, ...]:
-    return (
-        *(
-            Parameter(f"c{i}", "N m", f"of T_{i}", -1e9, 1e9, 1.0, absent=0.0, linear=True)
-            for i in range(1, 1 + count)
-        ),
-        Parameter("low", variable, "lowest value", -1e9, 1e9, 1.0, estimated=False, default=-1.0),
-        Parameter("high", variable, "highest value", -1e9, 1e9, 1.0, estimated=False, default=1.0),
-    )
+def _parameters(count: int, unit: str) -> tuple[Parameter, ...]:
+    ends = fixed("low", unit, "lowest value", -1.0), fixed("high", unit, "highest value", 1.0)
+    return parameters(count, "N m", *ends)
 
 
-class _Smooth(UnknownForce):
+class _Smooth(Curve):
     """A curve of the position or of the time; against the motion where the direction is its carrier."""
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
@@ -111,13 +99,15 @@ class _OfDirectionAndPosition(_OfPosition):
     id, title = "unknown_of_direction_and_position", "Force dependent on direction and position"
     carrier = "direction"
     along = ("coulomb",)
+    within = ()
 
 
-class _OfVelocity(UnknownForce):
+class _OfVelocity(Curve):
     """A force that depends on the velocity, with a step at zero; its knots are denser at low speeds."""
 
     id, title, variable = "unknown_of_velocity", "Velocity-dependent force", "velocity"
     along = ("viscous", "coulomb", "offset")
+    within = ()
     parameters = _parameters(2 * OVER_SPEED, "rad/s")
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
@@ -131,9 +121,9 @@ class _OfVelocity(UnknownForce):
         side = values["low"] * np.sinh(top * np.linspace(0.0, 1.0, KNOTS_OF_SPEED))
         return np.concatenate([-side[::-1], side])
 
-    def shape(self) -> NDArray[np.float64]:
+    def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Derivatives at the knots, the backward parameters first."""
-        side = _chebyshev(KNOTS_OF_SPEED, OVER_SPEED)
+        side = self._chebyshev(KNOTS_OF_SPEED, OVER_SPEED)
         return np.block([[side[::-1], np.zeros_like(side)], [np.zeros_like(side), side]])
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
@@ -160,10 +150,11 @@ class _OfDirectionAndTime(_OfTime):
     id, title = "unknown_of_direction_and_time", "Force dependent on direction and time"
     carrier = "direction"
     along = ("coulomb",)
+    within = ()
 
 
-#: One unknown force of each kind.
-UNKNOWN: tuple[UnknownForce, ...] = (
+#: One curve of each kind.
+CURVES: tuple[Curve, ...] = (
     _OfVelocity(),
     _OfPosition(),
     _OfDirectionAndPosition(),

@@ -230,6 +230,11 @@ class Effect(ABC):
         return self.along_motion
 
     @property
+    def is_beyond_standard(self) -> bool:
+        """Whether no parameter of the standard model (friction, offsets, bodies) contains it."""
+        return not self.standard
+
+    @property
     def turns_base(self) -> bool:
         """Whether a diagnosis searches for it in the gyros of a free base."""
         return self.place == "base" and not self.along_motion and "angular_velocity" in self.needs
@@ -334,6 +339,11 @@ class YieldingGear(GearEffect):
 
 class BodyEffect(Effect):
     """Changes mass properties of a link, or the gravity field."""
+
+    @property
+    def is_beyond_standard(self) -> bool:
+        """Never: the standard model estimates the bodies."""
+        return False
 
     @abstractmethod
     def terms(self, p: Values) -> BodyTerms:

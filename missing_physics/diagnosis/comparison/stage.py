@@ -28,6 +28,7 @@ from missing_physics.results.samples import Rows, fitted_channels
 from missing_physics.standard import StandardModel, fit_standard
 from missing_physics.standard.model import EFFECTS
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
+from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["compared", "judged"]
@@ -107,7 +108,8 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
         return result
     silent = tuple(dict.fromkeys([*lacking, *not_judged(robot, result.rows)]))
     floor = result.rows[0].floor if result.rows else {}
-    written, held = diagnosis.comparison.written, _held(diagnosis.fit, floor, silent)
+    written = diagnosis.comparison.written
+    held = _held(diagnosis.fit, floor, silent, _beyond_standard(robot, diagnosis.findings))
     before, after = energies(held)
     file = robot_from_toml(result.augmented_robot_toml)
     named_by_standard = _standard_names(written, file, diagnosis.findings)
@@ -217,13 +219,23 @@ def _channels(
     }
 
 
-def _held(fit: Fit, floor: Mapping[str, float], silent: Collection[str]) -> list[Held]:
+def _beyond_standard(robot: Robot, findings: Sequence[Finding]) -> set[str]:
+    """Joints at which an effect that the standard model lacks is named; all if it is at none of them."""
+    every = {drive.name for drive in robot.drives}
+    places = {f.location.split(".")[0] for f in findings if get_effect(f.effect).is_beyond_standard}
+    return every if places - every else places
+
+
+def _held(
+    fit: Fit, floor: Mapping[str, float], silent: Collection[str], beyond: Collection[str]
+) -> list[Held]:
     """Held-out errors of the channels on which the verdict is based; the error of any model counts as noise.
 
     Args:
         fit: errors of all channels.
         floor: rms by channel below which errors are not significant.
         silent: joints that could not be judged; their residuals are ignored.
+        beyond: joints at which an effect that the standard model lacks is named.
     """
     return [
         Held(
@@ -231,6 +243,7 @@ def _held(fit: Fit, floor: Mapping[str, float], silent: Collection[str]) -> list
             None if one.standard is None else one.standard.validation_rms,
             one.after.validation_rms,
             max(one.noise_floor, floor.get(name, 0.0)),
+            name.split(".")[0] in beyond,
         )
         for name, one in fit.channels.items()
         if math.isfinite(one.after.validation_rms)

@@ -57,7 +57,7 @@ def findings_of(found: Search[Any], known: Posterior, reading: Reading) -> tuple
 
 
 def _findings(found: Search[Any], known: Posterior, reading: Reading) -> Iterator[Finding]:
-    adequate = adequacies(found.data, known.answer)
+    adequate = adequacies(found.data, known.answer, found.standard)
     for key in sorted(reading.of(known.answer), key=lambda key: (list(reading.channels(key)), key)):
         held = [key in reading.of(fit) for fit in known.fits]
         chance, rivals = float(known.weights[held].sum()), _rivals(known, key, reading)
@@ -65,7 +65,7 @@ def _findings(found: Search[Any], known: Posterior, reading: Reading) -> Iterato
             yield Finding(
                 effect=key[0],
                 location=key[1],
-                probability=adequate(key[1]) * min(chance, 1.0),
+                probability=adequate(*key) * min(chance, 1.0),
                 parameters=_parameters(known, key, reading),
                 ambiguous_with=tuple(f"{effect}@{at}" for (effect, at), _ in rivals),
                 alternatives=tuple(

@@ -17,6 +17,7 @@ from missing_physics.inference.torques.links import of_link
 from missing_physics.inference.torques.pushes import on_body
 from missing_physics.inference.torques.runs import Run
 from missing_physics.inference.torques.yielding import of_yielding, torques_of_yielding
+from missing_physics.unnamed.neighbours import OfNeighbour
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
@@ -34,8 +35,8 @@ Places = NDArray[np.int_]
 SIDES = 3
 #: Least fraction of an actuator's torque that remains when an effect takes its share.
 LEAST = 0.05
-#: Index of the torque among the signals of a joint.
-TORQUE = JointSignals.CHANNELS.index("torque")
+#: Indices of torque and velocity among the signals of a joint.
+TORQUE, VELOCITY = (JointSignals.CHANNELS.index(name) for name in ("torque", "velocity"))
 #: Signals of a joint that follow from its recorded motion.
 RECORDED = frozenset(("time", "position", "velocity", "acceleration", "temperature"))
 #: A torque counts as saturated where at least this fraction is missing [-]: more than at its rounded corner.
@@ -275,6 +276,9 @@ def _signals(
 ) -> tuple[Array, Array | float]:
     """Signals of joint k, shape (N, C), and the factor by which the actuator's compensation scales it."""
     signals = run.signals(k)
+    if isinstance(effect, OfNeighbour):
+        signals = signals.copy()
+        signals[:, VELOCITY] = run.motion.velocity[:, _place(run, effect.neighbour)]
     if effect.cuts_torque:
         signals = signals.copy()
         signals[:, TORQUE] = run.acting[:, k]

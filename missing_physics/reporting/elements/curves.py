@@ -34,17 +34,27 @@ class Drawn:
     high: Array
 
 
+#: Quantities with the units of the variables of forces with memory.
+LIKE = {"time_since_start": "time", "distance_since_start": "position"}
+
+
 def drawn(item: Unnamed, robot: Robot) -> Drawn:
     """The curve of `item`, with words and units."""
     [variable], [knots], [curve] = item.depends_on, item.knots, item.curves
-    prismatic = any(joint.name == item.location and joint.kind == "prismatic" for joint in robot.joints)
     low, high = np.array(curve.ci95).T
     return Drawn(
         title=f"Torque of {item.location} beyond the model, over {in_words(variable)}",
-        across=f"{in_words(variable)} [{unit_of(variable, prismatic=prismatic)}]",
+        across=f"{in_words(variable)} [{_unit(variable, robot)}]",
         upright=f"{item.channel} [{item.unit}]",
         knots=np.array(knots),
         value=np.array(curve.torque),
         low=low,
         high=high,
     )
+
+
+def _unit(variable: str, robot: Robot) -> str:
+    place, _, quantity = variable.rpartition(".")
+    prismatic = any(joint.name == place and joint.kind == "prismatic" for joint in robot.joints)
+    like = LIKE.get(quantity, quantity)
+    return unit_of(like if like == "time" or not place else f"{place}.{like}", prismatic=prismatic)
