@@ -97,15 +97,19 @@ def test_a_curve_goes_on_with_its_slope_beyond_its_range(force: UnknownForce) ->
         assert np.allclose(slope[ends + 1 :], slope[ends + 1], rtol=1e-6)
 
 
-def test_a_force_of_another_joint_has_the_direction_of_its_own() -> None:
+def test_a_force_of_another_joint_vanishes_with_its_speed_and_may_oppose_the_own_motion() -> None:
     plain, against = driven_by("wrist")
     random = np.random.default_rng(3)
-    values = parameters(plain, random, low=-2.0, high=2.0)
-    theirs, own = np.linspace(-1.9, 1.9, 40), np.where(np.arange(40) % 2 == 0, 1.0, -1.0)
+    theirs, own = np.linspace(-1.9, 1.9, 41), np.where(np.arange(41) % 2 == 0, 1.0, -1.0)
     rows = np.column_stack([signals(theirs, theirs, 0.1), own])
-    one = EffectAlong(plain, directed=True).torque(rows, values)
-    other = EffectAlong(against, directed=True).torque(rows, values)
-    assert np.allclose(other, own * one)
+    one = EffectAlong(plain, directed=True).torque(rows, parameters(plain, random, low=-2.0, high=2.0))
+    other = EffectAlong(against, directed=True).torque(rows, parameters(against, random, low=0.0, high=2.0))
+    assert one[20] == pytest.approx(0.0, abs=1e-12)
+    assert other[20] == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(one[0] + one[-1]) > 0.1  # neither odd nor even
+    assert np.allclose(
+        own * other, (own * other)[::-1]
+    )  # friction, the same for both directions of the other
     assert driven_by("wrist")[0] is plain  # formulas are compiled once
     assert {force.id for force in driven_by("elbow")}.isdisjoint({plain.id, against.id})
 
