@@ -122,6 +122,7 @@ def test_drag_of_a_fluid_that_yields_has_no_name(arm: Robot) -> None:
     assert force.share > 0.95
     assert "a force that depends on past speeds predicts" in force.words
     assert drawn(force, arm).across == "joint's time since start [s]"
+    assert drawn(force, arm).title.endswith("after a start at the fastest recorded speed")
     (curve,), (knots,) = force.curves, force.knots
     grows = np.interp([0.2, 0.4, 0.8, 2.0], knots, curve.torque)
     truth = 1.0 - np.exp(-np.array([0.2, 0.4, 0.8, 2.0]) / YIELDS)

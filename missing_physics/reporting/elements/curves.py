@@ -34,8 +34,12 @@ class Drawn:
     high: Array
 
 
-#: Quantities with the units of the variables of forces with memory.
+#: Quantities with the units of the variables of forces with memory, and what their curves run over.
 LIKE = {"time_since_start": "time", "distance_since_start": "position"}
+AFTER = {
+    "time_since_start": "after a start at the fastest recorded speed",
+    "distance_since_start": "on the way from a rest in one direction",
+}
 
 
 def drawn(item: Unnamed, robot: Robot) -> Drawn:
@@ -43,7 +47,7 @@ def drawn(item: Unnamed, robot: Robot) -> Drawn:
     [variable], [knots], [curve] = item.depends_on, item.knots, item.curves
     low, high = np.array(curve.ci95).T
     return Drawn(
-        title=f"Torque of {item.location} beyond the model, over {in_words(variable)}",
+        title=f"Torque of {item.location} beyond the model, {_where(variable)}",
         across=f"{in_words(variable)} [{_unit(variable, robot)}]",
         upright=f"{item.channel} [{item.unit}]",
         knots=np.array(knots),
@@ -51,6 +55,10 @@ def drawn(item: Unnamed, robot: Robot) -> Drawn:
         low=low,
         high=high,
     )
+
+
+def _where(variable: str) -> str:
+    return AFTER.get(variable.rpartition(".")[2], f"over {in_words(variable)}")
 
 
 def _unit(variable: str, robot: Robot) -> str:
