@@ -109,6 +109,7 @@ evidence: $(STAMP)
 	$(BIN)/python -m benchmarks.speed.long_recording
 	$(BIN)/python -m benchmarks.friction.study
 	$(BIN)/python -m benchmarks.yardstick.likelihood
+	$(BIN)/python -m benchmarks.yardstick.kalman
 	$(BIN)/python -m benchmarks.machines.readme
 
 lint: $(STAMP)
