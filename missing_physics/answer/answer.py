@@ -114,6 +114,7 @@ def answered(
         verdict = "consistent"
     elif answer.findings:
         verdict = "ambiguous" if any(f.ambiguous_with for f in answer.findings) else "explained"
+    forces = tuple(unnamed(data, answer.fit))
     diagnosis = Diagnosis(
         robot=robot.name,
         recordings=tuple(r.source for r in recordings),
@@ -124,10 +125,10 @@ def answered(
         findings=answer.findings,
         fit=_fit(rows, robot),
         experiments=needed,
-        unnamed=tuple(unnamed(data, answer.fit)),
+        unnamed=forces,
         could_not_tell=(*dismissed(found, answer.findings), *_not_searched(robot, searched)),
         nominal_parameters=answer.changes,
-        notes=(*_notes(data, bool(validation)), *_represented(answer, safe)),
+        notes=tuple(_notes(data, bool(validation), bool(forces))),
         timing=answer.timing,
     )
     return (
@@ -225,7 +226,7 @@ def _is_searched(effect: Effect, robot: Robot) -> bool:
     return effect.is_searched and (not of_links or knows_links(robot))
 
 
-def _notes(data: TorqueData, validated: bool) -> list[str]:
+def _notes(data: TorqueData, validated: bool, unnamed: bool) -> list[str]:
     band = data.runs[0].motion.cutoff
     notes = [f"Torques are compared below {band:.3g} Hz, five times the bandwidth of the motion."]
     if data.layout.scale.any():
@@ -233,20 +234,13 @@ def _notes(data: TorqueData, validated: bool) -> list[str]:
             "No torque is recorded and nothing drives the robot, so forces are known only relative to the "
             "masses of the robot file; the intervals of friction allow these an error of 10 %."
         )
+    if unnamed:
+        notes.append(
+            "A robot file cannot hold a force without a name: the written one and all errors are without it."
+        )
     if not validated:
         notes.append("A quarter of each recording was held out, in two stretches.")
     return notes
-
-
-def _represented(answer: Answer, safe: Guarded) -> list[str]:
-    """A sentence on the effects that the robot file has because it cannot hold forces without a name."""
-    if not any(term.effect.is_unknown for term in answer.fit.hypothesis.terms):
-        return []
-    own = {(f.effect, f.location) for f in answer.findings}
-    terms = [t for t in safe.file.hypothesis.terms if t.key not in own and not t.is_given]
-    names = ", ".join(f"{t.effect.title.lower()} at {t.at}" for t in terms)
-    words = "A robot file cannot hold a force without a name"
-    return [f"{words}; the written one approximates it by {names}." if names else f"{words}."]
 
 
 def rung(found: Search[Any], step: Step) -> Rung:

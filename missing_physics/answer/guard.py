@@ -64,9 +64,15 @@ def guarded(data: TorqueData, fit: Fit, standard: Fit, named: Fit | None = None)
         hypothesis = _with_bodies_of(data, hypothesis, standard)
         file = _file(data, hypothesis, file)
     hypothesis, file = _no_worse_than_file(data, hypothesis, file)
-    if hypothesis is fit.hypothesis or (named is not None and not worse(data, fit, standard)):
+    if hypothesis is fit.hypothesis or (named is not None and _is_safe(data, fit, standard)):
         return Guarded(fit, file)
     return Guarded(_with_unnamed_forces(data, hypothesis, fit), file)
+
+
+def _is_safe(data: TorqueData, fit: Fit, standard: Fit) -> bool:
+    """Whether neither the standard model nor the robot file predicts any joint better."""
+    by_file = _larger(data, _held_out(data, fit.errors), _errors_of_file(data))
+    return not by_file and not worse(data, fit, standard)
 
 
 def _with_unnamed_forces(data: TorqueData, hypothesis: Hypothesis, fit: Fit) -> Fit:
@@ -76,7 +82,14 @@ def _with_unnamed_forces(data: TorqueData, hypothesis: Hypothesis, fit: Fit) -> 
     lost = [term for term in fit.hypothesis.terms if term.effect.is_unknown and term.key not in present]
     if not lost:
         return plain
-    more = _possible(data, replace(hypothesis, terms=(*hypothesis.terms, *lost)), fit)
+    along = {f"{term.at}.{name}" for term in lost for name in term.effect.along}
+    wider = replace(
+        hypothesis,
+        terms=(*hypothesis.terms, *lost),
+        from_file=hypothesis.from_file - along,
+        held=tuple(pair for pair in hypothesis.held if pair[0] not in along or pair[1] == 0.0),
+    )
+    more = _possible(data, wider, fit)
     return plain if worse(data, more, plain) else more
 
 

@@ -66,7 +66,7 @@ class Place:
     """Data about a joint from which candidates start.
 
     Attributes:
-        extents: range of each recording at the joint; effects other than events start from the first one.
+        extents: range of each recording at the joint, from which events start.
         coulomb: Coulomb friction in the hypothesis to which candidates are added [N m or N].
         driven: whether an actuator moves it.
         coupled: whether motors move it through a transmission; friction and sensors are then at the motors.
@@ -76,6 +76,19 @@ class Place:
     coulomb: float
     driven: bool
     coupled: bool = False
+
+    @property
+    def whole(self) -> Extent:
+        """What all recordings cover together, and the residual where it is largest."""
+        lows, highs = zip(*(own.position for own in self.extents))
+        return replace(
+            max(self.extents, key=lambda own: own.residual),
+            position=(min(lows), max(highs)),
+            speed=max(own.speed for own in self.extents),
+            torque=max(own.torque for own in self.extents),
+            peak_torque=max(own.peak_torque for own in self.extents),
+            duration=max(own.duration for own in self.extents),
+        )
 
 
 def candidates(
@@ -141,8 +154,8 @@ def candidates(
             elif isinstance(effect, SensorEffect):
                 yield from _at_sensors(effect, joint, place, channels, present)
             elif _is_behind_only_encoder(effect, joint, channels) and (effect.id, joint) not in present:
-                for start in effect.starts(place.extents[0]):
-                    yield Candidate(Term.of(effect, joint, _initial(effect, start, place.extents[0])))
+                for start in effect.starts(place.whole):
+                    yield Candidate(Term.of(effect, joint, _initial(effect, start, place.whole)))
     yield from _between_joints(places, terms)
 
 
@@ -151,7 +164,7 @@ def _between_joints(places: Mapping[str, Place], terms: Sequence[Term]) -> Itera
     for joint, place in places.items():
         for other, theirs in places.items():
             coupled = place.coupled or theirs.coupled
-            if other != joint and not coupled and theirs.extents[0].speed > 0.0:
+            if other != joint and not coupled:
                 for effect in driven_by(other):
                     yield from _at_joint(effect, joint, replace(place, extents=theirs.extents), terms)
 
@@ -219,7 +232,7 @@ def _on_base(
         return
     if any(channel.startswith("base.angular_velocity") for channel in channels):
         return
-    for start in effect.starts(next(iter(places.values())).extents[0]):
+    for start in effect.starts(next(iter(places.values())).whole):
         values = {p.name: p.absent for p in effect.parameters if p.linear and p.absent is not None}
         yield Candidate(Term.of(effect, "base", {**values, **start}, limits=effect.limits(robot, "base")))
 
@@ -232,7 +245,7 @@ def _reshaping(
     for link in robot.flexible_links:
         if (effect.id, link.name) in {*present, *known} or not places:
             continue
-        for start in effect.starts(next(iter(places.values())).extents[0]):
+        for start in effect.starts(next(iter(places.values())).whole):
             try:
                 effect.changed(robot, link.name, {**effect.defaults(), **start})
             except InputError:
@@ -252,7 +265,7 @@ def _at_sensors(
     )
     at = [encoder] if encoder and "position" in effect.searched_in else []
     at += [f"{joint}.torque"] if "torque" in effect.searched_in and f"{joint}.torque" in channels else []
-    extent = place.extents[0]
+    extent = place.whole
     for channel in at:
         if (effect.id, channel) in present:
             continue
@@ -268,7 +281,7 @@ def _at_joint(effect: Effect, joint: str, place: Place, terms: Sequence[Term]) -
     instead: tuple[str, str] | None = None
     held: tuple[tuple[str, float], ...] = ()
     given: dict[str, float] = {}
-    extent = place.extents[0]
+    extent = place.whole
     if effect.family:  # a dry friction law includes the kinetic friction of the standard model
         lower = next((t for t in here if t.effect.family == effect.family), None)
         if lower and lower.effect.rung >= effect.rung:
@@ -287,7 +300,7 @@ def _at_joint(effect: Effect, joint: str, place: Place, terms: Sequence[Term]) -
         held = held if place.coupled else (*held, (f"{joint}.offset", 0.0))
         if place.coupled or any(offsets_of(t.effect) and not t.is_given for t in here):
             constant = dict.fromkeys(offsets, (0.0, 0.0))
-    for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
+    for run, own in enumerate(place.extents if effect.is_event else (place.whole,)):
         for start in effect.starts(own):
             values = _initial(effect, {**given, **start}, own)
             for at_run in (run, None) if effect.is_event else (None,):  # in this run only, or in every run

@@ -78,7 +78,7 @@ class _Smooth(Curve):
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         """A curve over the covered range, or over the duration, which all recordings begin alike."""
         low, high = extent.position if self.of_joint else (0.0, extent.duration)
-        return ({"low": low, "high": high},)
+        return ({"low": low, "high": high},) if high > low else ()
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         """The curve, as a force on the joint."""
@@ -112,6 +112,8 @@ class _OfVelocity(Curve):
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         """A curve from the slow speeds to the fastest."""
+        if extent.speed <= 0.0:
+            return ()
         slow = min(max(extent.slow, 1e-3 * extent.speed), 0.3 * extent.speed)
         return ({"low": slow, "high": extent.speed},)
 

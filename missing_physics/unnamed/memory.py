@@ -20,17 +20,18 @@ from reference_model.effects.base import Extent, JointSignals, Values
 
 __all__ = ["MEMORIES", "Memory"]
 
-#: Number of times over which a force forgets.
+#: Number of times over which a force forgets, about two for each decade: closer ones are hardly different.
 TIMES = 4
-#: The shortest of them relative to the time in which the fastest motion passes the range [-], a sixth of its
-#: period: shorter ones look like viscous friction and inertia.
+#: The shortest of them relative to the time in which the fastest motion passes the range [-], about a third
+#: of its period: times of a twelfth of a period and less look like viscous friction and inertia.
 SHORTEST = 0.25
-#: The same for friction, which forgets as fast as the direction changes [-].
+#: The same for friction, which changes with the direction and so within a reversal [-].
 SHORTEST_OF_FRICTION = 0.05
 #: The longest of them relative to the duration [-]: a recording holds enough of these times to determine it.
 LONGEST = 1.0 / 8.0
-#: Number of distances over which a force forgets, the shortest and the longest of them relative to the range
-#: of motion [-]: shorter ones look like Coulomb friction, longer ones like a spring.
+#: Number of distances over which a force forgets, about two for each decade, and the shortest and the longest
+#: of them relative to the range of motion [-]: shorter ones look like Coulomb friction, longer ones like a
+#: spring.
 DISTANCES, NEAREST, FARTHEST = 4, 0.03, 1.0
 
 
@@ -70,7 +71,9 @@ class _OfPastVelocity(Memory):
         """Times that a recording resolves."""
         high = LONGEST * extent.duration
         travel = extent.position[1] - extent.position[0]
-        passes = travel / max(extent.speed, 1e-12)
+        if travel <= 0.0 or extent.speed <= 0.0:
+            return ()
+        passes = travel / extent.speed
         low = min((SHORTEST_OF_FRICTION if self.carrier else SHORTEST) * passes, 0.1 * high)
         return ({"low": low, "high": high, "speed": extent.speed},)
 
@@ -122,6 +125,8 @@ class _OfPath(Memory):
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         """Distances that the range of motion resolves."""
         first, last = extent.position
+        if last <= first:
+            return ()
         low, high = NEAREST * (last - first), FARTHEST * (last - first)
         return ({"low": low, "high": high, "middle": 0.5 * (first + last)},)
 
@@ -140,13 +145,9 @@ class _OfPath(Memory):
         return np.linspace(0.0, values["high"], KNOTS)
 
     def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Derivatives on the way in one direction."""
+        """Derivatives on the way in one direction from a rest in the middle of the range."""
         rates, knots = self.rates(values), self.knots(values)[:, None]
         return np.hstack([-knots, rates * np.expm1(-knots / rates)])
-
-    def shape_within(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """None: the offset places the elastic force, and the curve begins at zero."""
-        return np.zeros((self.knots(values).size, len(self.within)))
 
     def phrase(self, variable: str) -> str:
         """What it remembers."""

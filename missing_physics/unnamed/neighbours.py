@@ -31,7 +31,7 @@ class OfNeighbour(Curve):
     title = "Force dependent on another joint's velocity"
     of_joint = False
     equation = "sum_i c_i (T_i(y) - T_i at rest), y from -1 to 1 over the other joint's velocity, i from 1 on"
-    within = ()
+    along = within = ()
     parameters = parameters(
         DEGREE,
         "N m",
@@ -43,10 +43,17 @@ class OfNeighbour(Curve):
         self.neighbour, self.carrier = neighbour, carrier  # type: ignore[misc]
         self.id = f"unknown_of_{'direction_and_' if carrier else ''}velocity_of_{neighbour}"  # type: ignore[misc]
         self.variable = f"{neighbour}.velocity"  # type: ignore[misc]
-        self.along = ("coulomb",) if carrier else ("offset",)  # type: ignore[misc]
+
+    def phrase(self, variable: str) -> str:
+        """On which joint it depends."""
+        if self.carrier:
+            return f"friction that depends on the speed of {self.neighbour}"
+        return super().phrase(variable)
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         """A curve over the velocities, or speeds, of the other joint, whose extent it is."""
+        if extent.speed <= 0.0:
+            return ()
         return ({"low": 0.0 if self.carrier else -extent.speed, "high": extent.speed},)
 
     def _level(self, degree: int) -> float:

@@ -231,8 +231,8 @@ class Effect(ABC):
 
     @property
     def is_beyond_standard(self) -> bool:
-        """Whether no parameter of the standard model (friction, offsets, bodies) contains it."""
-        return not self.standard
+        """Whether no parameter of the standard model (friction, offsets, delays, bodies) contains it."""
+        return not (self.standard or self.replaces_delay)
 
     @property
     def turns_base(self) -> bool:
@@ -342,8 +342,8 @@ class BodyEffect(Effect):
 
     @property
     def is_beyond_standard(self) -> bool:
-        """Never: the standard model estimates the bodies."""
-        return False
+        """Gravity is: the standard model estimates the bodies only."""
+        return self.place == "base"
 
     @abstractmethod
     def terms(self, p: Values) -> BodyTerms:

@@ -33,6 +33,7 @@ class SensorDelay(SensorEffect):
             linear=True,
         ),
     )
+    is_beyond_standard = False  # which estimates the delays of torques
     equation = "measured(t) = true(t - delay)"
     source = (
         "Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems (2010), ch. 6 "

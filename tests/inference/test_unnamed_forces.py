@@ -51,6 +51,10 @@ def hysteresis(time: Array, position: Array, velocity: Array) -> Array:
     return SLOPE * found
 
 
+def with_offset(size: float) -> Hidden:
+    return lambda time, position, velocity: hysteresis(time, position, velocity) + size
+
+
 def hardening(time: Array, position: Array, velocity: Array) -> Array:
     return 0.8 * position**3
 
@@ -154,6 +158,35 @@ def test_an_interval_of_a_curve_is_narrow_where_data_are(arm: Robot) -> None:
     (curve,) = force.curves
     low, high = np.array(curve.ci95).T
     assert np.median(high - low) < 0.1 * np.ptp(curve.torque)
+
+
+def test_the_order_of_recordings_of_different_width_does_not_matter(arm: Robot) -> None:
+    """A curve covers what all recordings cover together."""
+    whole, random = recorded(hardening, seed=4), np.random.default_rng(9)
+    q = 0.1 * whole["joint.position"]
+    v = np.gradient(q, whole.time)
+    torque = (
+        0.2 * np.gradient(v, whole.time) + VISCOUS * v + COULOMB * np.sign(v) + hardening(whole.time, q, v)
+    )
+    torque += random.normal(0.0, 0.01, q.size)
+    small = replace(whole, channels={"joint.position": q, "joint.torque": torque}, source="small")
+    wide, held = recorded(hardening, seed=1), recorded(hardening, seed=2)
+    forces = [
+        diagnose(with_friction(arm), runs, [held]).diagnosis.unnamed
+        for runs in ([wide, small], [small, wide])
+    ]
+    assert [[force.depends_on for force in found] for found in forces] == [[("joint.position",)]] * 2
+    assert forces[0][0].knots[0] == pytest.approx(forces[1][0].knots[0])
+    assert forces[0][0].share == pytest.approx(forces[1][0].share, abs=0.02)
+
+
+def test_a_curve_of_hysteresis_begins_at_the_offset(arm: Robot) -> None:
+    ends = []
+    for offset in (0.0, 0.7):
+        diagnosis = diagnosed(with_friction(arm), with_offset(offset))
+        (force,) = diagnosis.unnamed
+        ends.append(force.curves[0].torque[0])
+    assert ends[1] - ends[0] == pytest.approx(0.7, abs=0.05)
 
 
 TWO = """

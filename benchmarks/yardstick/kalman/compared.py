@@ -48,7 +48,7 @@ class JointResult:
     Attributes:
         joint: name.
         octaves: power density of the fitted innovations relative to their mean by octave from the highest
-            frequency down, each with at least `FEWEST` samples.
+            frequency down, each with at least `FEWEST` frequencies.
         chi_square: mean square of the held-out innovations relative to their variance by the filter.
         friction: parameters determined by both, with overlapping 95 % intervals, and their number.
         own, rows: held-out rms error in the band by the filter's parameters and by those of the rows,

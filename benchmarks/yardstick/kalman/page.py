@@ -95,8 +95,8 @@ def _of_arms(arms: Sequence[ArmErrors]) -> Iterator[str]:
         size = np.median(np.abs(errors) / spread[1], axis=1)
         kind = f"torques also drift with a time constant of {drift:g} s" if drift else "all noise is white"
         yield (
-            f"Simulated arms of the standard model whose noise the filter describes exactly ({len(own)}, "
-            f"{errors.shape[1]} friction parameters and offsets; {kind}): the median error is "
+            "Simulated arms of the standard model with noise of the kinds that the filter supposes "
+            f"({len(own)}, {errors.shape[1]} friction parameters and offsets; {kind}): the median error is "
             f"{size[0]:.2f} by the filter and {size[1]:.2f} by the rows, in standard deviations of the rows; "
             f"{percent(float(inside[0]), 1)} and {percent(float(inside[1]), 1)} of the errors are inside "
             "their 95 % intervals."

@@ -220,7 +220,7 @@ def _channels(
 
 
 def _beyond_standard(robot: Robot, findings: Sequence[Finding]) -> set[str]:
-    """Joints at which an effect that the standard model lacks is named; all if it is at none of them."""
+    """Joints at which an effect that the standard model lacks is named; all if one is not at a joint."""
     every = {drive.name for drive in robot.drives}
     places = {f.location.split(".")[0] for f in findings if get_effect(f.effect).is_beyond_standard}
     return every if places - every else places

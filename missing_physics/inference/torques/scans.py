@@ -179,20 +179,20 @@ def _gains(parts: Sequence[NDArray[np.float32]], known: Array, left: Array) -> t
     """Log-likelihood gained at every grid point, and the price of free vibrations [nats], (V,) each.
 
     Args:
-        parts: torques in each recording, shape (K, a, V, 1 + S) each.
+        parts: torques in each recording, shape (K, a, V, 1 + S) each; S may differ.
         known: orthonormal columns of the standard model at R rows of all recordings and joints, (R, X).
         left: residual, shape (R,).
     """
     sizes = np.cumsum([0, *(part.shape[0] * part.shape[1] for part in parts)])
-    count, free = parts[0].shape[2], parts[0].shape[3] - 1
-    prior = np.eye(free * len(parts))
+    free = np.cumsum([1, *(part.shape[3] - 1 for part in parts)])
+    count, prior = parts[0].shape[2], np.eye(free[-1] - 1)
     gain, price = np.zeros((2, count))
     for v in range(count):
-        own = np.zeros((sizes[-1], 1 + free * len(parts)))
+        own = np.zeros((sizes[-1], free[-1]))
         for i, part in enumerate(parts):
-            rows, flat = slice(sizes[i], sizes[i + 1]), part[:, :, v].reshape(-1, 1 + free)
+            rows, flat = slice(sizes[i], sizes[i + 1]), part[:, :, v].reshape(-1, part.shape[3])
             own[rows, 0] = flat[:, 0]
-            own[rows, 1 + free * i : 1 + free * (i + 1)] = flat[:, 1:]
+            own[rows, free[i] : free[i + 1]] = flat[:, 1:]
         across = known.T @ own
         gram, pull = own.T @ own - across.T @ across, own.T @ left
         gain[v] = pull[0] - 0.5 * gram[0, 0]

@@ -38,7 +38,7 @@ class Drawn:
 LIKE = {"time_since_start": "time", "distance_since_start": "position"}
 AFTER = {
     "time_since_start": "after a start at the fastest recorded speed",
-    "distance_since_start": "on the way from a rest in one direction",
+    "distance_since_start": "on the way from a rest in the middle of the range",
 }
 
 

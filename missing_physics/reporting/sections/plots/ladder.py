@@ -63,7 +63,8 @@ def _label(term: str) -> str:
 def _title(effect: str) -> str:
     """An effect's title; for an unnamed force the variable of its curve."""
     if effect.startswith(UNNAMED):
-        return f"Force without a name, over {effect.removeprefix(UNNAMED).replace('_', ' ')}"
+        words, of, joint = effect.removeprefix(UNNAMED).partition("velocity_of_")
+        return f"Force without a name, over {(words + of).replace('_', ' ')}{joint}"
     return effect_title(effect)
 
 
