@@ -29,7 +29,7 @@ from reference_model.effects.catalogue import catalogue
 from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Robot
 
-__all__ = ["Scan", "scanned", "scans_of"]
+__all__ = ["Scan", "gains", "scanned", "scans_of"]
 
 Array = NDArray[np.float64]
 
@@ -165,7 +165,7 @@ def scanned(
         parts = [
             (own[rows] / sigma[:, None, None]).astype(np.float32) for own, rows in zip(scan.torques, fitted)
         ]
-        gain, price = _gains(parts, known, left[:, 0])
+        gain, price = gains(parts, known, left[:, 0])
         price += np.log(len(scan.starts))  # one of many
         limits = scan.effect.limits(robot, scan.at)
         for v in _peaks(gain - price):
@@ -175,7 +175,7 @@ def scanned(
     return [Candidate(term, expected=gain) for gain, term in best]
 
 
-def _gains(parts: Sequence[NDArray[np.float32]], known: Array, left: Array) -> tuple[Array, Array]:
+def gains(parts: Sequence[NDArray[np.float32]], known: Array, left: Array) -> tuple[Array, Array]:
     """Log-likelihood gained at every grid point, and the price of free vibrations [nats], (V,) each.
 
     Args:
