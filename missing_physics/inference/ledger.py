@@ -185,7 +185,7 @@ def stated(data: Data, hypothesis: Hypothesis) -> frozenset[str]:
     """
     given = hypothesis.from_file | {name for name, _ in hypothesis.held} | unstated(data)
     for term in hypothesis.terms:
-        if term.effect.is_unknown and not term.is_given:  # spans the same functions as parameters of the file
+        if term.effect.is_unknown and not term.is_given:  # spans or nearly spans them
             same = {f"{term.at}.{name}" for name in term.effect.along}
             given |= {name for name in same if data.file_values[data.layout.names.index(name)] != 0.0}
     return frozenset(name for name in file_parameters(data) if name not in given)

@@ -29,7 +29,7 @@ LIKELY = 1e-2
 #: Laws whose score is this much below the best one are not added to the search [nats]: odds of a quarter of
 #: `LIKELY`, as the rows of the search may favour them. Both only limit the work.
 FAR = 6.0
-#: Name of no place, so that no nonlinear parameter is fitted anew: the other rows determine them better.
+#: Name of no place, so that no nonlinear parameter is fitted again: the other rows determine them better.
 NOWHERE = ""
 
 
